@@ -1,0 +1,66 @@
+//! Acceleration structures behind one batch trait. They know primitives, not materials.
+
+use crate::geometry::Geometry;
+
+/// A batch of rays in structure-of-arrays columns, all of the same length `len` padded with
+/// readable slack to a multiple of the lane width. Directions are unit length, in f32.
+#[derive(Debug, Clone, Copy)]
+pub struct RayBatch<'a> {
+    /// Rays in the batch; the columns are at least `len` rounded up to the lane width long, and
+    /// what lies past `len` may be anything, NaN included.
+    pub len: usize,
+    /// Origins.
+    pub origin: [&'a [f32]; 3],
+    /// Directions.
+    pub direction: [&'a [f32]; 3],
+    /// The primitive that each ray starts on, which it cannot hit again if it is a triangle, and by
+    /// the chord rule if it is a sphere ([`crate::geometry::PrimitiveId::NONE`]: none).
+    pub skip: &'a [u32],
+}
+
+/// Closest hits of a batch, columns as long as the batch's.
+#[derive(Debug)]
+pub struct HitBatch<'a> {
+    /// Distance along the ray, > 0; infinite where nothing is hit.
+    pub t: &'a mut [f32],
+    /// Primitive hit, or [`crate::geometry::PrimitiveId::NONE`].
+    pub primitive: &'a mut [u32],
+}
+
+/// A batch of shadow rays: segments that start on `rays.skip` and end before `t_max`.
+#[derive(Debug, Clone, Copy)]
+pub struct ShadowBatch<'a> {
+    /// The rays.
+    pub rays: RayBatch<'a>,
+    /// Ends of the segments: hits at t < t_max occlude.
+    pub t_max: &'a [f32],
+    /// The light's primitive, which cannot occlude itself (or `NONE`).
+    pub target: &'a [u32],
+}
+
+/// Work done by queries, summed per worker.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct AccelCounters {
+    /// Nodes (boxes, or groups of boxes) visited.
+    pub nodes: u64,
+    /// Ray–primitive tests.
+    pub tests: u64,
+}
+
+/// A structure that answers batches of ray queries over a fixed set of primitives.
+///
+/// The answer for a ray depends on that ray alone, not on its neighbours in the batch.
+/// Equal distances are resolved to the lower primitive id.
+pub trait Accel: Send + Sync + std::fmt::Debug {
+    /// Name as on the command line.
+    fn name(&self) -> &'static str;
+
+    /// Bytes held, primitives included.
+    fn bytes(&self) -> usize;
+
+    /// Closest hit with t > 0 of each ray.
+    fn closest(&self, rays: RayBatch<'_>, hits: HitBatch<'_>, counters: &mut AccelCounters);
+
+    /// Writes 1 to `occluded` where something lies on the segment, else 0.
+    fn occluded(&self, rays: ShadowBatch<'_>, occluded: &mut [u32], counters: &mut AccelCounters);
+}

@@ -1,0 +1,8 @@
+//! wavepath
+pub mod accel;
+pub mod error;
+pub mod geometry;
+pub mod math;
+pub mod scene;
+
+pub use error::{Error, ErrorKind, Result};
