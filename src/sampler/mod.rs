@@ -1,0 +1,32 @@
+//! Sample points: every number is a function of (seed, pixel, sample, dimension).
+//!
+//! Dimensions are laid out by purpose, so that a kernel that needs fewer of them leaves the others
+//! unchanged: [`CAMERA_DIMENSIONS`] for the camera, then [`BOUNCE_DIMENSIONS`] for each hit.
+
+pub mod pcg;
+pub mod stratified;
+
+pub use pcg::Pcg32s;
+pub use stratified::Strata;
+
+/// Dimensions 0 and 1: position in the pixel.
+pub const CAMERA_DIMENSIONS: u32 = 2;
+
+/// Dimensions of each hit, in the order of [`Dimension`].
+pub const BOUNCE_DIMENSIONS: u32 = 8;
+
+/// Purposes of the numbers of one hit, as offsets from the hit's first dimension.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Dimension {
+    /// Which light.
+    LightChoice = 0,
+    /// Where on the light (and the next dimension).
+    LightPoint = 1,
+    /// Which lobe of the material.
+    Lobe = 3,
+    /// Which direction (and the next dimension).
+    Direction = 4,
+    /// Russian roulette.
+    Roulette = 6,
+}
