@@ -14,14 +14,14 @@ pub struct StageStats {
 }
 
 /// Rays at one depth (1 = camera rays), summed over the render.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct DepthStats {
     /// Closest-hit rays.
     pub rays: u64,
     /// Shadow rays sent from hits at this depth.
     pub shadow_rays: u64,
-    /// Wave passes in which rays of this depth were traced.
-    pub passes: u64,
+    /// Mean share of the wave's slots that held rays of this depth, in [0, 1].
+    pub queue_fill: f64,
 }
 
 /// Counts and times of a render.

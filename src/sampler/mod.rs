@@ -13,7 +13,7 @@ pub use stratified::Strata;
 pub const CAMERA_DIMENSIONS: u32 = 2;
 
 /// Dimensions of each hit, in the order of [`Dimension`].
-pub const BOUNCE_DIMENSIONS: u32 = 8;
+pub const BOUNCE_DIMENSIONS: u32 = 7;
 
 /// Purposes of the numbers of one hit, as offsets from the hit's first dimension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,0 +1,116 @@
+//! What a scene and its settings need: the set from which everything else is left out.
+
+use std::fmt;
+use std::ops::{BitOr, BitOrAssign};
+
+use crate::light::{BACKGROUND, FLAT, POINT, SPHERE};
+
+/// A set of needed features.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Features(pub u32);
+
+impl Features {
+    /// Emissive triangles or parallelograms.
+    pub const LIGHT_FLAT: Self = Self(FLAT);
+    /// Emissive spheres.
+    pub const LIGHT_SPHERE: Self = Self(SPHERE);
+    /// Point lights.
+    pub const LIGHT_POINT: Self = Self(POINT);
+    /// Background of constant radiance.
+    pub const BACKGROUND: Self = Self(BACKGROUND);
+    /// Triangles.
+    pub const TRIANGLES: Self = Self(1 << 8);
+    /// Spheres.
+    pub const SPHERES: Self = Self(1 << 9);
+    /// Lambertian surfaces.
+    pub const LAMBERTIAN: Self = Self(1 << 10);
+    /// Oren–Nayar surfaces.
+    pub const OREN_NAYAR: Self = Self(1 << 11);
+    /// Perfect mirrors.
+    pub const MIRROR: Self = Self(1 << 12);
+    /// Glass.
+    pub const DIELECTRIC: Self = Self(1 << 13);
+    /// Phong lobes.
+    pub const PHONG: Self = Self(1 << 14);
+    /// Shadow rays are sent.
+    pub const SHADOW_RAYS: Self = Self(1 << 15);
+    /// Light and direction sampling are weighted against each other.
+    pub const MIS: Self = Self(1 << 16);
+    /// Jittered strata.
+    pub const STRATIFIED: Self = Self(1 << 17);
+    /// Whitted's light transport.
+    pub const WHITTED: Self = Self(1 << 18);
+    /// Shadow rays pass through glass.
+    pub const TRANSPARENT_SHADOWS: Self = Self(1 << 19);
+    /// Albedo, normal and depth images.
+    pub const AUX: Self = Self(1 << 20);
+
+    const NAMES: [(Self, &'static str); 17] = [
+        (Self::TRIANGLES, "triangles"),
+        (Self::SPHERES, "spheres"),
+        (Self::LAMBERTIAN, "Lambertian surfaces"),
+        (Self::OREN_NAYAR, "Oren–Nayar surfaces"),
+        (Self::MIRROR, "mirrors"),
+        (Self::DIELECTRIC, "glass"),
+        (Self::PHONG, "Phong surfaces"),
+        (Self::LIGHT_FLAT, "flat lights"),
+        (Self::LIGHT_SPHERE, "sphere lights"),
+        (Self::LIGHT_POINT, "point lights"),
+        (Self::BACKGROUND, "background"),
+        (Self::SHADOW_RAYS, "shadow rays"),
+        (Self::MIS, "multiple importance sampling"),
+        (Self::STRATIFIED, "stratified sampling"),
+        (Self::WHITTED, "Whitted's transport"),
+        (Self::TRANSPARENT_SHADOWS, "transparent shadows"),
+        (Self::AUX, "auxiliary images"),
+    ];
+
+    /// Every feature (also: always needed).
+    pub const fn all() -> Self {
+        Self(u32::MAX)
+    }
+
+    /// The union, in constants.
+    pub const fn with(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Whether all of `other` is in the set.
+    pub const fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Whether some of `other` is in the set.
+    pub const fn intersects(self, other: Self) -> bool {
+        self.0 & other.0 != 0
+    }
+
+    /// Names of the members.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        Self::NAMES.iter().filter(move |(bit, _)| self.contains(*bit)).map(|(_, name)| *name)
+    }
+
+    /// Names of what is not in the set.
+    pub fn absent(self) -> impl Iterator<Item = &'static str> {
+        Self::NAMES.iter().filter(move |(bit, _)| !self.contains(*bit)).map(|(_, name)| *name)
+    }
+}
+
+impl BitOr for Features {
+    type Output = Self;
+    fn bitor(self, rhs: Self) -> Self {
+        self.with(rhs)
+    }
+}
+
+impl BitOrAssign for Features {
+    fn bitor_assign(&mut self, rhs: Self) {
+        *self = self.with(rhs);
+    }
+}
+
+impl fmt::Display for Features {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.names().collect::<Vec<_>>().join(", "))
+    }
+}

@@ -1,0 +1,153 @@
+//! Rounds, blocks and tiles: in which order a render's work items exist, and when it ends.
+
+use crate::compile::{TILE, WorkItem};
+use crate::scene::{Budget, RenderSettings};
+
+/// The blocks of a render: block b is the same for every budget of its kind, however it ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Blocks {
+    /// Samples of a full block.
+    full: u32,
+    /// Whether blocks grow (1, 1, 2, 4, …) up to a full one, so that a render that is to end by
+    /// time or error can end soon.
+    growing: bool,
+    /// Samples per pixel after which the render is complete.
+    total: Option<u64>,
+}
+
+impl Blocks {
+    /// The blocks of a render with these settings. A given sample count is cut into at least four
+    /// blocks (where it has four samples), so that block means give an error estimate.
+    pub fn new(settings: &RenderSettings) -> Self {
+        match settings.budget {
+            Budget::Samples(total) => {
+                let quarter = u32::try_from(total.div_ceil(4)).unwrap_or(u32::MAX);
+                Self { full: settings.block.min(quarter).max(1), growing: false, total: Some(total) }
+            }
+            Budget::Seconds(_) | Budget::Error(_) => {
+                Self { full: settings.block, growing: true, total: None }
+            }
+        }
+    }
+
+    /// Samples of the largest block.
+    pub fn largest(&self) -> u32 {
+        self.full
+    }
+
+    /// First sample and number of samples of block `block`, or `None` past the last.
+    pub fn get(&self, block: u64) -> Option<(u64, u32)> {
+        let full = u64::from(self.full);
+        let (first, samples) = if self.growing {
+            // Blocks of 1, 1, 2, 4, …: after k ≥ 1 of them there are 2^(k−1) samples.
+            let ramp = u64::from(self.full.ilog2()) + 1;
+            let ramp_samples = 1 << (ramp - 1);
+            match block {
+                0 => (0, 1),
+                b if b < ramp => (1 << (b - 1), 1 << (b - 1)),
+                b => (ramp_samples + (b - ramp) * full, full),
+            }
+        } else {
+            (block * full, full)
+        };
+        match self.total {
+            Some(total) if first >= total => None,
+            Some(total) => Some((first, samples.min(total - first) as u32)),
+            None => Some((first, samples as u32)),
+        }
+    }
+}
+
+/// Tiles of an image, row by row.
+#[derive(Debug, Clone, Copy)]
+pub struct Tiles {
+    width: u32,
+    height: u32,
+}
+
+impl Tiles {
+    /// Tiles of an image of this size.
+    pub fn new(width: u32, height: u32) -> Self {
+        Self { width, height }
+    }
+
+    /// Number of tiles.
+    pub fn count(&self) -> usize {
+        self.width.div_ceil(TILE) as usize * self.height.div_ceil(TILE) as usize
+    }
+
+    /// The work item of a tile and a block.
+    pub fn item(&self, tile: usize, block: u64, (first_sample, samples): (u64, u32)) -> WorkItem {
+        let across = self.width.div_ceil(TILE) as usize;
+        let (x, y) = ((tile % across) as u32 * TILE, (tile / across) as u32 * TILE);
+        WorkItem {
+            x,
+            y,
+            width: TILE.min(self.width - x),
+            height: TILE.min(self.height - y),
+            image_width: self.width,
+            block,
+            first_sample,
+            samples,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn blocks(budget: Budget, block: u32) -> Blocks {
+        Blocks::new(&RenderSettings { budget, block, ..RenderSettings::default() })
+    }
+
+    #[test]
+    fn blocks_cover_every_sample_once_in_order() {
+        for total in [1, 2, 3, 5, 16, 17, 64, 100, 400] {
+            for block in [1, 7, 16, 64] {
+                let blocks = blocks(Budget::Samples(total), block);
+                let mut next = 0;
+                let mut count = 0;
+                while let Some((first, samples)) = blocks.get(count) {
+                    assert_eq!(first, next);
+                    assert!(samples >= 1 && samples <= blocks.largest());
+                    next += u64::from(samples);
+                    count += 1;
+                }
+                assert_eq!(next, total);
+                assert!(count >= total.min(3), "{total} samples in {count} blocks");
+            }
+        }
+    }
+
+    #[test]
+    fn growing_blocks_double_up_to_a_full_one() {
+        for block in [1, 6, 16, 64] {
+            let blocks = blocks(Budget::Seconds(1.0), block);
+            let mut next = 0;
+            for b in 0..40 {
+                let (first, samples) = blocks.get(b).expect("no end");
+                assert_eq!(first, next, "block {b} of {block}");
+                assert!(samples <= block);
+                next += u64::from(samples);
+            }
+        }
+        let sizes: Vec<u32> = (0..8).map(|b| blocks(Budget::Error(0.1), 16).get(b).unwrap().1).collect();
+        assert_eq!(sizes, [1, 1, 2, 4, 8, 16, 16, 16]);
+    }
+
+    #[test]
+    fn tiles_cover_every_pixel_once() {
+        for (width, height) in [(1, 1), (16, 16), (17, 31), (200, 5)] {
+            let tiles = Tiles::new(width, height);
+            let mut seen = vec![0; (width * height) as usize];
+            for tile in 0..tiles.count() {
+                let item = tiles.item(tile, 0, (0, 1));
+                for pixel in 0..item.pixels() {
+                    seen[item.image_index(pixel)] += 1;
+                }
+            }
+            assert!(seen.iter().all(|&n| n == 1));
+        }
+    }
+}

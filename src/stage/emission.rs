@@ -1,0 +1,38 @@
+//! Which emission a path may count, so that nothing is counted twice or left out.
+
+use std::ops::Not;
+
+use crate::compile::{CompiledScene, Features};
+use crate::math::lanes::{Mask, U32s};
+use crate::math::Compare;
+use crate::scene::Strategy;
+use crate::wave::state;
+
+/// Whether emission found by rays with this packed state counts.
+///
+/// Emission seen by the camera or by a delta lobe always does, but for what a transparent shadow
+/// ray has brought already; emission found by another lobe does unless lights are only sampled.
+#[inline(always)]
+pub(super) fn emission_counts<const F: u32>(scene: &CompiledScene, ray_state: U32s) -> Mask {
+    let mut counts = match scene.strategy {
+        Strategy::Nee => is_specular(ray_state),
+        Strategy::Mis | Strategy::Bsdf => Mask::ALL,
+    };
+    if scene.on::<F>(Features::TRANSPARENT_SHADOWS) {
+        counts = counts & has(ray_state, state::THROUGH_GLASS).not();
+    }
+    counts
+}
+
+/// Whether the rays come from a delta lobe or the camera.
+#[inline(always)]
+pub(super) fn is_specular(ray_state: U32s) -> Mask {
+    has(ray_state, state::SPECULAR)
+}
+
+/// Whether `bit` is set.
+#[inline(always)]
+pub(super) fn has(ray_state: U32s, bit: u32) -> Mask {
+    (ray_state & U32s::splat(bit)).eq(U32s::splat(bit))
+}
+

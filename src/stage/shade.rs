@@ -1,0 +1,269 @@
+//! material queue → shadow rays and next rays: one generic stage, compiled once per material.
+//!
+//! A specular material has no light sampling in it at all.
+
+use super::emission::has;
+use super::surface::{gather_rays, gather_throughput, material, surface};
+use crate::compile::{CompiledScene, Features, WorkItem};
+use crate::geometry::{SurfacePoint, spawn_origin};
+use crate::light;
+use crate::material::{BsdfSample, Material};
+use crate::math::frame::Frame;
+use crate::math::lanes::{
+    F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, load_u32, store, store_u32,
+};
+use crate::math::{Compare, Vec3s, mis};
+use crate::sampler::{BOUNCE_DIMENSIONS, CAMERA_DIMENSIONS, Dimension, Pcg32s, Strata};
+use crate::wave::{COUNTED_DEPTHS, RayQueue, ShadowQueue, Wave, state};
+
+/// What a chunk of hits has in common with what leaves it.
+struct Hits {
+    active: Mask,
+    primitive: U32s,
+    point: SurfacePoint,
+    /// Unit geometric normal; on the ray's side unless the material transmits.
+    normal: Vec3s,
+    frame: Frame,
+    /// Towards where the ray came from, in the frame.
+    wo: Vec3s,
+    throughput: Vec3s,
+    path: U32s,
+    state: U32s,
+    eta: F32s,
+    /// Generators at the first dimension of the hit.
+    random: Pcg32s,
+}
+
+/// Strata of the chunk's samples with the first dimension of the hit, if sampling is stratified.
+#[derive(Clone, Copy)]
+struct HitStrata(Option<(Strata, U32s)>);
+
+impl HitStrata {
+    #[inline(always)]
+    fn one(self, dimension: Dimension, u: F32s) -> F32s {
+        match self.0 {
+            Some((strata, first)) => strata.one(first + U32s::splat(dimension as u32), u),
+            None => u,
+        }
+    }
+
+    #[inline(always)]
+    fn pair(self, dimension: Dimension, u: [F32s; 2]) -> [F32s; 2] {
+        match self.0 {
+            Some((strata, first)) => strata.pair(first + U32s::splat(dimension as u32), u),
+            None => u,
+        }
+    }
+}
+
+/// Shades the hits of the queue of `M`'s kind: sends shadow rays to sampled lights and appends the
+/// next ray of each path, with zero throughput where the path ends.
+pub fn shade<M: Material, const F: u32>(scene: &CompiledScene, item: &WorkItem, wave: &mut Wave) {
+    let queue = &wave.by_material[M::KIND as usize];
+    let rays = &wave.rays;
+    for at in (0..queue.len).step_by(LANES) {
+        let active = Mask::first(queue.len - at);
+        let ray = load_u32(&queue.index, at);
+        let (origin, direction) = gather_rays(rays, ray);
+        let primitive = gather_u32(&wave.hits.primitive, ray);
+        let t = gather(&wave.hits.t, ray);
+        let (point, outward) = surface::<F>(scene, primitive, origin, direction, t);
+        let normal = if M::TRANSMISSIVE {
+            outward
+        } else {
+            let behind = outward.dot(direction).gt(F32s::splat(0.0));
+            Vec3s::select(behind, -outward, outward)
+        };
+        let frame = Frame::new(normal);
+        let hits = Hits {
+            active,
+            primitive,
+            point,
+            normal,
+            wo: frame.to_local(-direction),
+            frame,
+            throughput: gather_throughput(rays, ray),
+            path: gather_u32(&rays.path, ray),
+            state: gather_u32(&rays.state, ray),
+            eta: if scene.on::<F>(Features::DIELECTRIC) { gather(&rays.eta, ray) } else { F32s::splat(1.0) },
+            random: {
+                let index = ray.to_array();
+                let random: &[u64] = &rays.random;
+                Pcg32s::from_states(std::array::from_fn(|lane| {
+                    // Lanes past the end of the queue hold stale indices, still inside the column.
+                    random[index[lane] as usize]
+                }))
+            },
+        };
+        let strata = strata::<F>(scene, item, &hits);
+        let params = M::fetch(&scene.materials, material(scene, primitive));
+
+        if !M::SPECULAR && scene.on::<F>(Features::SHADOW_RAYS) {
+            sample_light::<M, F>(scene, &hits, strata, &params, &mut wave.shadows, &mut wave.counters.shadow_rays);
+        }
+        if scene.on::<F>(Features::WHITTED) {
+            if !M::SPECULAR {
+                continue;
+            }
+            if M::TRANSMISSIVE {
+                let may_split = (hits.state >> state::SPLIT.trailing_zeros())
+                    .lt(U32s::splat(state::MOST_SPLITS));
+                if may_split.any() {
+                    split::<M, F>(scene, &hits, strata, &params, may_split, &mut wave.next);
+                    continue;
+                }
+            }
+        }
+        let sample = M::sample(&params, hits.wo, direction_numbers(&hits, strata));
+        continue_path::<M, F>(scene, &hits, &sample, hits.active, hits.random, hits.state, &mut wave.next);
+    }
+}
+
+/// The chunk's strata: dimensions count from the camera's through those of the earlier hits.
+#[inline(always)]
+fn strata<const F: u32>(scene: &CompiledScene, item: &WorkItem, hits: &Hits) -> HitStrata {
+    HitStrata(scene.on::<F>(Features::STRATIFIED).then(|| {
+        let (x, y, sample) = item.locate(hits.path);
+        let pixel = y * U32s::splat(item.image_width) + x;
+        let bounce = (hits.state & U32s::splat(state::DEPTH)) - U32s::splat(1);
+        let first = bounce * U32s::splat(BOUNCE_DIMENSIONS) + U32s::splat(CAMERA_DIMENSIONS);
+        (Strata::new(scene.seed, pixel, item.block, item.samples, sample), first)
+    }))
+}
+
+/// Two numbers for the direction, one for the lobe.
+#[inline(always)]
+fn direction_numbers(hits: &Hits, strata: HitStrata) -> [F32s; 3] {
+    let mut random = hits.random.skip::<{ Dimension::Lobe as u32 }>();
+    let lobe = strata.one(Dimension::Lobe, random.next_f32());
+    let [u, v] = {
+        let u = random.next_f32();
+        strata.pair(Dimension::Direction, [u, random.next_f32()])
+    };
+    [u, v, lobe]
+}
+
+/// Samples a point on a light and queues a shadow ray to it where it would bring anything.
+#[inline(always)]
+fn sample_light<M: Material, const F: u32>(
+    scene: &CompiledScene,
+    hits: &Hits,
+    strata: HitStrata,
+    params: &M::Params,
+    shadows: &mut ShadowQueue,
+    counts: &mut [u64; COUNTED_DEPTHS],
+) {
+    let mut random = hits.random;
+    let choice = strata.one(Dimension::LightChoice, random.next_f32());
+    let [u, v] = {
+        let u = random.next_f32();
+        strata.pair(Dimension::LightPoint, [u, random.next_f32()])
+    };
+    let sample = light::sample::<F>(&scene.lights, hits.point.p, hits.normal, [choice, u, v]);
+    let (value, pdf) = M::eval(params, hits.wo, hits.frame.to_local(sample.direction));
+    let mut weight = F32s::splat(1.0);
+    if scene.on::<F>(Features::MIS) {
+        weight = sample.delta.select(weight, mis::power_heuristic(sample.pdf, pdf));
+    }
+    let incoming = sample.radiance * (weight / sample.pdf);
+    let radiance = hits.throughput.mul_elem(value).mul_elem(incoming);
+    let brings = hits.active & sample.valid & radiance.max_elem().gt(F32s::splat(0.0));
+    if brings.none() {
+        return;
+    }
+    let origin = spawn_origin(&hits.point, hits.normal, sample.direction);
+    let t_max = sample.distance - F32s::splat(scene.light_point_error);
+    let at = shadows.len;
+    compress(&mut shadows.origin_x, at, brings, origin.x);
+    compress(&mut shadows.origin_y, at, brings, origin.y);
+    compress(&mut shadows.origin_z, at, brings, origin.z);
+    compress(&mut shadows.direction_x, at, brings, sample.direction.x);
+    compress(&mut shadows.direction_y, at, brings, sample.direction.y);
+    compress(&mut shadows.direction_z, at, brings, sample.direction.z);
+    compress_u32(&mut shadows.skip, at, brings, hits.primitive);
+    compress(&mut shadows.t_max, at, brings, t_max);
+    compress_u32(&mut shadows.target, at, brings, sample.primitive);
+    compress(&mut shadows.radiance_r, at, brings, radiance.x);
+    compress(&mut shadows.radiance_g, at, brings, radiance.y);
+    compress(&mut shadows.radiance_b, at, brings, radiance.z);
+    compress_u32(&mut shadows.path, at, brings, hits.path);
+    shadows.len += brings.count();
+    let depth = (hits.state & U32s::splat(state::DEPTH)).to_array();
+    for lane in brings.lanes() {
+        counts[(depth[lane] as usize).min(COUNTED_DEPTHS) - 1] += 1;
+    }
+}
+
+/// Both branches at glass: two rays per hit where splitting is allowed, one chosen at random elsewhere.
+#[inline(always)]
+fn split<M: Material, const F: u32>(
+    scene: &CompiledScene,
+    hits: &Hits,
+    strata: HitStrata,
+    params: &M::Params,
+    may_split: Mask,
+    next: &mut RayQueue,
+) {
+    let single = M::sample(params, hits.wo, direction_numbers(hits, strata));
+    let [first, second] = M::branches(params, hits.wo);
+    let first = BsdfSample {
+        wi: Vec3s::select(may_split, first.wi, single.wi),
+        weight: Vec3s::select(may_split, first.weight, single.weight),
+        pdf: single.pdf,
+        eta: may_split.select(first.eta, single.eta),
+        valid: (may_split & first.valid) | (!may_split & single.valid),
+    };
+    let split_state = hits.state + U32s::splat(state::SPLIT);
+    let first_state = may_split.select_u32(split_state, hits.state);
+    continue_path::<M, F>(scene, hits, &first, hits.active, hits.random, first_state, next);
+    let second = BsdfSample { valid: second.valid & may_split, ..second };
+    continue_path::<M, F>(scene, hits, &second, hits.active, hits.random.branch(), split_state, next);
+}
+
+/// Appends the next ray of each active lane; `random` stands at the hit's first dimension.
+#[inline(always)]
+fn continue_path<M: Material, const F: u32>(
+    scene: &CompiledScene,
+    hits: &Hits,
+    sample: &BsdfSample,
+    active: Mask,
+    random: Pcg32s,
+    path_state: U32s,
+    next: &mut RayQueue,
+) {
+    let at = next.len;
+    let direction = hits.frame.to_world(sample.wi);
+    let origin = spawn_origin(&hits.point, hits.normal, direction);
+    let weighted = hits.throughput.mul_elem(sample.weight);
+    next.set_ray(at, origin, direction, hits.primitive);
+    next.set_throughput(at, Vec3s::select(sample.valid, weighted, Vec3s::zero()));
+    store_u32(&mut next.path, at, hits.path);
+    let kept = path_state & U32s::splat(!(state::SPECULAR | state::THROUGH_GLASS | state::UNREFLECTED));
+    let history = if M::TRANSMISSIVE {
+        let zero = F32s::splat(0.0);
+        let crossed = sample.wi.z.lt(zero) ^ hits.wo.z.lt(zero);
+        let through = crossed & has(path_state, state::UNREFLECTED);
+        through.select_u32(
+            U32s::splat(state::SPECULAR | state::THROUGH_GLASS | state::UNREFLECTED),
+            U32s::splat(state::SPECULAR),
+        )
+    } else if M::SPECULAR {
+        U32s::splat(state::SPECULAR)
+    } else {
+        U32s::splat(state::UNREFLECTED)
+    };
+    store_u32(&mut next.state, at, (kept | history) + U32s::splat(1));
+    next.random[at..at + LANES].copy_from_slice(&random.skip::<{ Dimension::Roulette as u32 }>().states());
+    if scene.on::<F>(Features::MIS) {
+        store(&mut next.pdf, at, sample.pdf);
+    }
+    if scene.on::<F>(Features::DIELECTRIC) {
+        store(&mut next.eta, at, hits.eta * sample.eta);
+    }
+    if scene.on::<F>(Features::BACKGROUND) {
+        store(&mut next.normal_x, at, hits.normal.x);
+        store(&mut next.normal_y, at, hits.normal.y);
+        store(&mut next.normal_z, at, hits.normal.z);
+    }
+    next.len += active.count();
+}

@@ -1,0 +1,259 @@
+//! The queues of one worker: all that its stages read and write beside the scene.
+
+pub mod items;
+pub mod soa;
+
+use crate::accel::{AccelCounters, HitBatch, RayBatch, ShadowBatch};
+use crate::compile::{Features, WorkItem};
+use crate::material::MaterialKind;
+use crate::math::lanes::{F32s, Mask, U32s, load, load_u32, store, store_u32};
+use crate::math::{Compare, Vec3s};
+
+pub use items::{HitQueue, IndexQueue, RayQueue, ShadowQueue, state};
+
+/// Number of material kinds, each with a queue of its own.
+pub const MATERIAL_KINDS: usize = MaterialKind::COUNT;
+
+/// Depths that are counted apart; deeper rays are counted with the last.
+pub const COUNTED_DEPTHS: usize = 64;
+
+/// Counts of one worker.
+#[derive(Debug, Clone)]
+pub struct WaveCounters {
+    /// Closest-hit rays by depth − 1.
+    pub rays: [u64; COUNTED_DEPTHS],
+    /// Shadow rays by depth − 1 of the hit that sent them.
+    pub shadow_rays: [u64; COUNTED_DEPTHS],
+    /// Work of the acceleration structure.
+    pub accel: AccelCounters,
+    /// Contributions that were not finite or negative, and were left out.
+    pub rejected: u64,
+    /// Paths cut at the depth limit while they carried weight.
+    pub truncated: u64,
+}
+
+impl Default for WaveCounters {
+    fn default() -> Self {
+        Self {
+            rays: [0; COUNTED_DEPTHS],
+            shadow_rays: [0; COUNTED_DEPTHS],
+            accel: AccelCounters::default(),
+            rejected: 0,
+            truncated: 0,
+        }
+    }
+}
+
+/// Sums over the samples of a pixel of what the first hit looks like.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct AuxSums {
+    /// Albedo.
+    pub albedo: [f64; 3],
+    /// Unit normal on the camera's side.
+    pub normal: [f64; 3],
+    /// Distance from the eye, scene units (0 where nothing is hit).
+    pub depth: f64,
+}
+
+/// The queues of one worker.
+#[derive(Debug)]
+pub struct Wave {
+    /// Most paths in flight.
+    pub capacity: usize,
+    /// Next path of the work item to start.
+    pub next_path: u32,
+    /// Rays to intersect.
+    pub rays: RayQueue,
+    /// Rays leaving the hits, before roulette; those with zero throughput are dead.
+    pub next: RayQueue,
+    /// Hits of `rays`.
+    pub hits: HitQueue,
+    /// Shadow rays of this pass.
+    pub shadows: ShadowQueue,
+    /// Shadow rays that crossed a boundary of glass (empty without transparent shadows).
+    pub crossed: ShadowQueue,
+    /// Hits to shade, per kind of material (empty for kinds the scene has not).
+    pub by_material: [IndexQueue; MATERIAL_KINDS],
+    /// Hits of emitters.
+    pub emitters: IndexQueue,
+    /// Rays that left the scene.
+    pub escaped: IndexQueue,
+    /// Radiance per path of the work item; the fourth number is padding.
+    pub radiance: Vec<[f32; 4]>,
+    /// First-hit sums per pixel of the tile (empty without auxiliary images).
+    pub aux: Vec<AuxSums>,
+    /// Counts.
+    pub counters: WaveCounters,
+}
+
+impl Wave {
+    /// Queues for `capacity` paths in flight of work items of at most `item_paths` paths on
+    /// `item_pixels` pixels, with what `features` need.
+    pub fn new(capacity: usize, features: Features, item_paths: usize, item_pixels: usize) -> Self {
+        let when = |needs: Features, n: usize| if features.intersects(needs) { n } else { 0 };
+        let lights = Features(
+            Features::LIGHT_FLAT.0 | Features::LIGHT_SPHERE.0,
+        );
+        // A queue that the scene does not need still has room for the one vector of lanes that
+        // every column is padded with.
+        Self {
+            capacity,
+            next_path: 0,
+            rays: RayQueue::new(capacity, features),
+            next: RayQueue::new(capacity, features),
+            hits: HitQueue::new(capacity, features),
+            shadows: ShadowQueue::new(when(Features::SHADOW_RAYS, capacity), features),
+            crossed: ShadowQueue::new(when(Features::TRANSPARENT_SHADOWS, capacity), features),
+            by_material: std::array::from_fn(|kind| {
+                IndexQueue::new(when(material_feature(kind), capacity), features)
+            }),
+            emitters: IndexQueue::new(when(lights, capacity), features),
+            escaped: IndexQueue::new(when(Features::BACKGROUND, capacity), features),
+            radiance: vec![[0.0; 4]; item_paths],
+            aux: vec![AuxSums::default(); when(Features::AUX, item_pixels)],
+            counters: WaveCounters::default(),
+        }
+    }
+
+    /// Bytes of queues per path in flight with these features.
+    pub fn bytes_per_path(features: Features) -> usize {
+        let kinds = (0..MATERIAL_KINDS).filter(|&k| features.intersects(material_feature(k))).count();
+        let lights = usize::from(features.intersects(Features::LIGHT_FLAT | Features::LIGHT_SPHERE));
+        let escaped = usize::from(features.intersects(Features::BACKGROUND));
+        let shadows = usize::from(features.intersects(Features::SHADOW_RAYS))
+            + usize::from(features.intersects(Features::TRANSPARENT_SHADOWS));
+        2 * RayQueue::bytes_per_item(features)
+            + HitQueue::bytes_per_item(features)
+            + shadows * ShadowQueue::bytes_per_item(features)
+            + (kinds + lights + escaped) * IndexQueue::bytes_per_item(features)
+    }
+
+    /// Begins a work item: no path started, no light gathered.
+    pub fn begin(&mut self, item: &WorkItem) {
+        self.next_path = 0;
+        self.rays.len = 0;
+        self.radiance[..item.paths() as usize].fill([0.0; 4]);
+        self.aux.fill(AuxSums::default());
+    }
+
+    /// Whether paths are in flight or still to start.
+    pub fn is_busy(&self, item: &WorkItem) -> bool {
+        self.rays.len > 0 || self.next_path < item.paths()
+    }
+}
+
+/// The feature that a material kind's queue needs.
+pub fn material_feature(kind: usize) -> Features {
+    match MaterialKind::ALL[kind] {
+        MaterialKind::Black => Features(0),
+        MaterialKind::Lambertian => Features::LAMBERTIAN,
+        MaterialKind::OrenNayar => Features::OREN_NAYAR,
+        MaterialKind::Mirror => Features::MIRROR,
+        MaterialKind::Dielectric => Features::DIELECTRIC,
+        MaterialKind::Phong => Features::PHONG,
+    }
+}
+
+/// Adds `radiance` of the lanes of `mask` to their paths; what is not finite or is negative is
+/// left out and counted.
+#[inline(always)]
+pub fn add_radiance(
+    gathered: &mut [[f32; 4]],
+    rejected: &mut u64,
+    mask: Mask,
+    path: U32s,
+    radiance: Vec3s,
+) {
+    let zero = F32s::splat(0.0);
+    let most = F32s::splat(f32::MAX);
+    let sound = |c: F32s| c.ge(zero) & c.le(most);
+    let good = mask & sound(radiance.x) & sound(radiance.y) & sound(radiance.z);
+    debug_assert_eq!(good, mask, "unsound contribution {radiance:?}");
+    *rejected += (mask.count() - good.count()) as u64;
+    let (path, r, g, b) =
+        (path.as_array(), radiance.x.as_array(), radiance.y.as_array(), radiance.z.as_array());
+    for lane in good.lanes() {
+        let sum = &mut gathered[path[lane] as usize];
+        sum[0] += r[lane];
+        sum[1] += g[lane];
+        sum[2] += b[lane];
+    }
+}
+
+impl RayQueue {
+    /// The rays as the acceleration structures take them.
+    pub fn batch(&self) -> RayBatch<'_> {
+        RayBatch {
+            len: self.len,
+            origin: [&self.origin_x, &self.origin_y, &self.origin_z],
+            direction: [&self.direction_x, &self.direction_y, &self.direction_z],
+            skip: &self.skip,
+        }
+    }
+
+    /// Throughput of the items `at ..`.
+    #[inline(always)]
+    pub fn throughput(&self, at: usize) -> Vec3s {
+        Vec3s::new(
+            load(&self.throughput_r, at),
+            load(&self.throughput_g, at),
+            load(&self.throughput_b, at),
+        )
+    }
+
+    /// Sets the throughput of the items `at ..`.
+    #[inline(always)]
+    pub fn set_throughput(&mut self, at: usize, throughput: Vec3s) {
+        store(&mut self.throughput_r, at, throughput.x);
+        store(&mut self.throughput_g, at, throughput.y);
+        store(&mut self.throughput_b, at, throughput.z);
+    }
+
+    /// Sets where the rays `at ..` start and go.
+    #[inline(always)]
+    pub fn set_ray(&mut self, at: usize, origin: Vec3s, direction: Vec3s, skip: U32s) {
+        store(&mut self.origin_x, at, origin.x);
+        store(&mut self.origin_y, at, origin.y);
+        store(&mut self.origin_z, at, origin.z);
+        store(&mut self.direction_x, at, direction.x);
+        store(&mut self.direction_y, at, direction.y);
+        store(&mut self.direction_z, at, direction.z);
+        store_u32(&mut self.skip, at, skip);
+    }
+}
+
+impl HitQueue {
+    /// The hits as the acceleration structures write them.
+    pub fn batch(&mut self) -> HitBatch<'_> {
+        HitBatch { t: &mut self.t, primitive: &mut self.primitive }
+    }
+}
+
+impl ShadowQueue {
+    /// The shadow rays as the acceleration structures take them, and where the answers go.
+    pub fn batch(&mut self) -> (ShadowBatch<'_>, &mut [u32]) {
+        let batch = ShadowBatch {
+            rays: RayBatch {
+                len: self.len,
+                origin: [&self.origin_x, &self.origin_y, &self.origin_z],
+                direction: [&self.direction_x, &self.direction_y, &self.direction_z],
+                skip: &self.skip,
+            },
+            t_max: &self.t_max,
+            target: &self.target,
+        };
+        (batch, &mut self.occluded)
+    }
+
+    /// Radiance of the items `at ..`.
+    #[inline(always)]
+    pub fn radiance(&self, at: usize) -> Vec3s {
+        Vec3s::new(load(&self.radiance_r, at), load(&self.radiance_g, at), load(&self.radiance_b, at))
+    }
+
+    /// Path numbers of the items `at ..`.
+    #[inline(always)]
+    pub fn paths(&self, at: usize) -> U32s {
+        load_u32(&self.path, at)
+    }
+}
