@@ -87,12 +87,18 @@ impl Features {
 
     /// Names of the members.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
-        Self::NAMES.iter().filter(move |(bit, _)| self.contains(*bit)).map(|(_, name)| *name)
+        Self::NAMES
+            .iter()
+            .filter(move |(bit, _)| self.contains(*bit))
+            .map(|(_, name)| *name)
     }
 
     /// Names of what is not in the set.
     pub fn absent(self) -> impl Iterator<Item = &'static str> {
-        Self::NAMES.iter().filter(move |(bit, _)| !self.contains(*bit)).map(|(_, name)| *name)
+        Self::NAMES
+            .iter()
+            .filter(move |(bit, _)| !self.contains(*bit))
+            .map(|(_, name)| *name)
     }
 }
 

@@ -47,7 +47,11 @@ impl WorkItem {
         let row = divide(pixel, self.width);
         let column = pixel - row * U32s::splat(self.width);
         let sample = path - pixel * U32s::splat(self.samples);
-        (U32s::splat(self.x) + column, U32s::splat(self.y) + row, sample)
+        (
+            U32s::splat(self.x) + column,
+            U32s::splat(self.y) + row,
+            sample,
+        )
     }
 
     /// Index in the image of the tile's pixel `pixel`.
@@ -84,7 +88,14 @@ mod tests {
     #[test]
     fn paths_cover_every_sample_of_every_pixel_once() {
         let item = WorkItem {
-            x: 32, y: 48, width: 13, height: 5, image_width: 45, block: 2, first_sample: 14, samples: 7,
+            x: 32,
+            y: 48,
+            width: 13,
+            height: 5,
+            image_width: 45,
+            block: 2,
+            first_sample: 14,
+            samples: 7,
         };
         let mut seen = std::collections::HashSet::new();
         for path in 0..item.paths() {

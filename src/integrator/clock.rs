@@ -93,7 +93,10 @@ pub fn process_cpu_seconds() -> f64 {
 
 #[expect(unsafe_code, reason = "the standard library has no CPU clocks")]
 fn clock_seconds(clock: libc::clockid_t) -> f64 {
-    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    let mut time = libc::timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
     // SAFETY: `time` is a valid timespec that the call fills in; on failure it stays zero.
     unsafe { libc::clock_gettime(clock, &raw mut time) };
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
@@ -107,7 +110,9 @@ mod tests {
     fn cpu_time_advances_with_work_and_steps_are_named_in_order() {
         let start = thread_cpu_seconds();
         let mut clock = StageClock::default();
-        let sum = clock.run(Step::Shade, 5, || (0..20_000_000u64).fold(0, |a, b| std::hint::black_box(a ^ b)));
+        let sum = clock.run(Step::Shade, 5, || {
+            (0..20_000_000u64).fold(0, |a, b| std::hint::black_box(a ^ b))
+        });
         std::hint::black_box(sum);
         assert!(thread_cpu_seconds() > start);
         assert!(clock.time[Step::Shade as usize] > Duration::ZERO);

@@ -65,20 +65,36 @@ pub fn render(
         .num_threads(settings.threads)
         .thread_name(|i| format!("worker-{i}"))
         .build()
-        .map_err(|error| Error::limit(format!("cannot start {} threads: {error}", settings.threads)))?;
+        .map_err(|error| {
+            Error::limit(format!(
+                "cannot start {} threads: {error}",
+                settings.threads
+            ))
+        })?;
     let (width, height) = (compiled.width, compiled.height);
     let blocks = Blocks::new(settings);
     let tiles = Tiles::new(width, height);
     check_memory(width, height, settings.aux)?;
     let film = Film::new(width, height, settings.aux);
     let reference = match settings.integrator {
-        IntegratorKind::Reference => {
-            Some(Reference::new(scene, compiled.camera_index, width, height, settings)?)
-        }
+        IntegratorKind::Reference => Some(Reference::new(
+            scene,
+            compiled.camera_index,
+            width,
+            height,
+            settings,
+        )?),
         IntegratorKind::Path | IntegratorKind::Whitted => None,
     };
     let workers: Vec<_> = (0..settings.threads)
-        .map(|_| Mutex::new(Worker::new(compiled, settings, reference.as_ref(), blocks.largest())))
+        .map(|_| {
+            Mutex::new(Worker::new(
+                compiled,
+                settings,
+                reference.as_ref(),
+                blocks.largest(),
+            ))
+        })
         .collect();
 
     let start = Instant::now();
@@ -89,14 +105,20 @@ pub fn render(
         interrupted: AtomicBool::new(false),
         rays: AtomicU64::new(0),
     };
-    let mut state = RoundState { block: 0, error: None, seconds: 0.0 };
+    let mut state = RoundState {
+        block: 0,
+        error: None,
+        seconds: 0.0,
+    };
     let ended = loop {
         let Some(samples) = blocks.get(state.block) else {
             break EndReason::Samples;
         };
         let next_tile = AtomicUsize::new(0);
         pool.broadcast(|context| {
-            let mut worker = workers[context.index()].lock().expect("a worker's lock is its own");
+            let mut worker = workers[context.index()]
+                .lock()
+                .expect("a worker's lock is its own");
             worker.timed(|worker| {
                 while !shared.interrupted.load(Ordering::Relaxed) {
                     let tile = next_tile.fetch_add(1, Ordering::Relaxed);
@@ -126,7 +148,9 @@ pub fn render(
             Budget::Seconds(seconds) => {
                 // Not begun if it would overrun: a round takes as long per sample as the last.
                 let per_sample = round_seconds / f64::from(samples.1);
-                let next = blocks.get(state.block).map_or(0.0, |(_, n)| f64::from(n) * per_sample);
+                let next = blocks
+                    .get(state.block)
+                    .map_or(0.0, |(_, n)| f64::from(n) * per_sample);
                 if state.seconds + next > seconds {
                     break EndReason::Seconds;
                 }
@@ -141,8 +165,10 @@ pub fn render(
     };
     let wall_seconds = start.elapsed().as_secs_f64();
     let film = shared.film.into_inner().expect("no worker panicked");
-    let workers: Vec<Worker<'_>> =
-        workers.into_iter().map(|w| w.into_inner().expect("no worker panicked")).collect();
+    let workers: Vec<Worker<'_>> = workers
+        .into_iter()
+        .map(|w| w.into_inner().expect("no worker panicked"))
+        .collect();
     let stats = summarise(compiled, settings, &workers, wall_seconds);
     Ok(Outcome { film, stats, ended })
 }
@@ -177,7 +203,10 @@ impl Shared<'_> {
             return;
         }
         *last = Instant::now();
-        let progress = Progress { rays: self.rays.load(Ordering::Relaxed), ..progress() };
+        let progress = Progress {
+            rays: self.rays.load(Ordering::Relaxed),
+            ..progress()
+        };
         if (self.observer)(&progress).is_break() {
             self.interrupted.store(true, Ordering::Relaxed);
         }
@@ -197,9 +226,17 @@ fn progress(
         Budget::Samples(total) => done / total as f64,
         Budget::Seconds(total) => (seconds / total).min(1.0),
         // Error falls as the root of time: the share of the work done is the square of the ratio.
-        Budget::Error(goal) => state.error.map_or(0.0, |error| (goal / error).powi(2).min(1.0)),
+        Budget::Error(goal) => state
+            .error
+            .map_or(0.0, |error| (goal / error).powi(2).min(1.0)),
     };
-    Progress { fraction, samples: done, rays: 0, seconds, error: state.error }
+    Progress {
+        fraction,
+        samples: done,
+        rays: 0,
+        seconds,
+        error: state.error,
+    }
 }
 
 /// One thread's queues and counts, kept from round to round.
@@ -212,8 +249,14 @@ struct Worker<'a> {
 }
 
 enum Tracer<'a> {
-    Wavefront { wave: Box<Wave>, kernels: Kernels },
-    Reference { reference: &'a Reference, counts: RayCounts },
+    Wavefront {
+        wave: Box<Wave>,
+        kernels: Kernels,
+    },
+    Reference {
+        reference: &'a Reference,
+        counts: RayCounts,
+    },
 }
 
 impl<'a> Worker<'a> {
@@ -224,7 +267,10 @@ impl<'a> Worker<'a> {
         largest_block: u32,
     ) -> Self {
         let tracer = match reference {
-            Some(reference) => Tracer::Reference { reference, counts: RayCounts::default() },
+            Some(reference) => Tracer::Reference {
+                reference,
+                counts: RayCounts::default(),
+            },
             None => {
                 let pixels = (TILE * TILE) as usize;
                 let item_paths = pixels * largest_block as usize;
@@ -260,7 +306,9 @@ impl<'a> Worker<'a> {
                 let passes = wavefront::trace(scene, kernels, item, wave, &mut self.clock);
                 self.passes.count += passes.count;
                 self.passes.rays += passes.rays;
-                self.clock.run(Step::Film, item.paths() as usize, || develop(item, wave, film));
+                self.clock.run(Step::Film, item.paths() as usize, || {
+                    develop(item, wave, film)
+                });
             }
             Tracer::Reference { reference, counts } => {
                 for pixel in 0..item.pixels() {
@@ -321,7 +369,10 @@ fn summarise(
     workers: &[Worker<'_>],
     wall_seconds: f64,
 ) -> RenderStats {
-    let mut stats = RenderStats { wall_seconds, ..RenderStats::default() };
+    let mut stats = RenderStats {
+        wall_seconds,
+        ..RenderStats::default()
+    };
     let mut clock = StageClock::default();
     let mut passes = Passes::default();
     let mut depths = vec![DepthStats::default(); COUNTED_DEPTHS];
@@ -361,13 +412,24 @@ fn summarise(
         for depth in &mut depths {
             depth.queue_fill = depth.rays as f64 / slots;
         }
-        let used = depths.iter().rposition(|d| d.rays > 0).map_or(0, |last| last + 1);
+        let used = depths
+            .iter()
+            .rposition(|d| d.rays > 0)
+            .map_or(0, |last| last + 1);
         depths.truncate(used);
         stats.depths = depths;
         stats.bytes_per_path = Wave::bytes_per_path(scene.features);
         // Wall time per step, scaled to the CPU time of the workers: the machine may be shared.
-        let measured: f64 = clock.time.iter().map(std::time::Duration::as_secs_f64).sum();
-        let scale = if measured > 0.0 { (stats.cpu_seconds / measured).min(1.0) } else { 0.0 };
+        let measured: f64 = clock
+            .time
+            .iter()
+            .map(std::time::Duration::as_secs_f64)
+            .sum();
+        let scale = if measured > 0.0 {
+            (stats.cpu_seconds / measured).min(1.0)
+        } else {
+            0.0
+        };
         stats.stages = Step::ALL
             .into_iter()
             .map(|step| StageStats {

@@ -96,7 +96,12 @@ impl Plan {
         }
         let kernels = Kernels::choose(features, settings.force_features);
         kernels.name.clone_into(&mut plan.kernels);
-        let mut stage = |name: &str, runs: bool| plan.stages.push(StagePlan { name: name.to_owned(), runs });
+        let mut stage = |name: &str, runs: bool| {
+            plan.stages.push(StagePlan {
+                name: name.to_owned(),
+                runs,
+            })
+        };
         stage("generate", true);
         stage("intersect", true);
         stage("sort", true);
@@ -104,15 +109,23 @@ impl Plan {
         stage("shade escaped", kernels.shade_escaped.is_some());
         stage("shade emission", kernels.shade_emission.is_some());
         for kind in &MaterialKind::ALL[1..] {
-            stage(&format!("shade {}", kind.name()), kernels.shade[*kind as usize].is_some());
+            stage(
+                &format!("shade {}", kind.name()),
+                kernels.shade[*kind as usize].is_some(),
+            );
         }
         let transparent = features.contains(Features::TRANSPARENT_SHADOWS);
         stage("connect", kernels.connect.is_some() && !transparent);
-        stage("connect transparent", kernels.connect.is_some() && transparent);
+        stage(
+            "connect transparent",
+            kernels.connect.is_some() && transparent,
+        );
         stage("roulette", true);
 
         let has = |needs: Features| usize::from(features.intersects(needs));
-        let index_queues = (0..MaterialKind::COUNT).map(|kind| has(material_feature(kind))).sum::<usize>()
+        let index_queues = (0..MaterialKind::COUNT)
+            .map(|kind| has(material_feature(kind)))
+            .sum::<usize>()
             + has(Features::LIGHT_FLAT | Features::LIGHT_SPHERE)
             + has(Features::BACKGROUND);
         plan.queues = vec![
@@ -124,7 +137,12 @@ impl Plan {
                 ShadowQueue::COLUMNS,
                 features,
             ),
-            queue("indices: one per material, emitters, escaped", index_queues, IndexQueue::COLUMNS, features),
+            queue(
+                "indices: one per material, emitters, escaped",
+                index_queues,
+                IndexQueue::COLUMNS,
+                features,
+            ),
         ];
         plan.bytes_per_path = Wave::bytes_per_path(features);
         plan
@@ -133,13 +151,19 @@ impl Plan {
 
 fn queue(name: &str, count: usize, columns: &[ColumnInfo], features: Features) -> QueuePlan {
     let names = |present: bool| {
-        let chosen = columns.iter().filter(|c| features.intersects(c.needs) == present);
+        let chosen = columns
+            .iter()
+            .filter(|c| features.intersects(c.needs) == present);
         chosen.map(|c| c.name).collect()
     };
     QueuePlan {
         name: name.to_owned(),
         count,
-        bytes_per_item: columns.iter().filter(|c| features.intersects(c.needs)).map(|c| c.bytes).sum(),
+        bytes_per_item: columns
+            .iter()
+            .filter(|c| features.intersects(c.needs))
+            .map(|c| c.bytes)
+            .sum(),
         columns: names(true),
         left_out: names(false),
     }
@@ -158,7 +182,10 @@ impl fmt::Display for Plan {
         writeln!(f, "kernels    {}", self.kernels)?;
         let stages = |runs: bool| {
             let chosen = self.stages.iter().filter(|s| s.runs == runs);
-            chosen.map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ")
+            chosen
+                .map(|s| s.name.as_str())
+                .collect::<Vec<_>>()
+                .join(", ")
         };
         if self.stages.is_empty() {
             return Ok(());
@@ -167,7 +194,11 @@ impl fmt::Display for Plan {
         writeln!(f, "not run    {}", stages(false))?;
         writeln!(f, "queues")?;
         for queue in &self.queues {
-            writeln!(f, "  {} × {}: {} bytes per item", queue.count, queue.name, queue.bytes_per_item)?;
+            writeln!(
+                f,
+                "  {} × {}: {} bytes per item",
+                queue.count, queue.name, queue.bytes_per_item
+            )?;
             writeln!(f, "    has    {}", queue.columns.join(" "))?;
             if !queue.left_out.is_empty() {
                 writeln!(f, "    lacks  {}", queue.left_out.join(" "))?;

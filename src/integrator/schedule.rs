@@ -22,11 +22,17 @@ impl Blocks {
         match settings.budget {
             Budget::Samples(total) => {
                 let quarter = u32::try_from(total.div_ceil(4)).unwrap_or(u32::MAX);
-                Self { full: settings.block.min(quarter).max(1), growing: false, total: Some(total) }
+                Self {
+                    full: settings.block.min(quarter).max(1),
+                    growing: false,
+                    total: Some(total),
+                }
             }
-            Budget::Seconds(_) | Budget::Error(_) => {
-                Self { full: settings.block, growing: true, total: None }
-            }
+            Budget::Seconds(_) | Budget::Error(_) => Self {
+                full: settings.block,
+                growing: true,
+                total: None,
+            },
         }
     }
 
@@ -98,7 +104,11 @@ mod tests {
     use super::*;
 
     fn blocks(budget: Budget, block: u32) -> Blocks {
-        Blocks::new(&RenderSettings { budget, block, ..RenderSettings::default() })
+        Blocks::new(&RenderSettings {
+            budget,
+            block,
+            ..RenderSettings::default()
+        })
     }
 
     #[test]
@@ -132,7 +142,9 @@ mod tests {
                 next += u64::from(samples);
             }
         }
-        let sizes: Vec<u32> = (0..8).map(|b| blocks(Budget::Error(0.1), 16).get(b).unwrap().1).collect();
+        let sizes: Vec<u32> = (0..8)
+            .map(|b| blocks(Budget::Error(0.1), 16).get(b).unwrap().1)
+            .collect();
         assert_eq!(sizes, [1, 1, 2, 4, 8, 16, 16, 16]);
     }
 

@@ -48,7 +48,9 @@ pub fn trace(
         if let Some(connect) = kernels.connect {
             clock.run(Step::Connect, wave.shadows.len, || connect(scene, wave));
         }
-        clock.run(Step::Roulette, wave.next.len, || (kernels.roulette)(scene, wave));
+        clock.run(Step::Roulette, wave.next.len, || {
+            (kernels.roulette)(scene, wave)
+        });
     }
     passes
 }

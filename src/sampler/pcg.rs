@@ -66,7 +66,9 @@ impl Pcg32s {
         let state = std::array::from_fn(|r| {
             let lane = |lanes: &U32s| {
                 let lanes = lanes.to_array();
-                u64x8::from(std::array::from_fn::<u64, 8, _>(|i| u64::from(lanes[8 * r + i])))
+                u64x8::from(std::array::from_fn::<u64, 8, _>(|i| {
+                    u64::from(lanes[8 * r + i])
+                }))
             };
             let s = lane(&sample) + u64x8::splat(first_sample);
             let start = mix(key ^ (lane(&pixel) << 32) ^ mix(s ^ (s >> 32)));
@@ -79,7 +81,9 @@ impl Pcg32s {
     /// Continues from stored states.
     #[inline(always)]
     pub fn from_states(states: [u64; LANES]) -> Self {
-        Self { state: bytemuck::cast(states) }
+        Self {
+            state: bytemuck::cast(states),
+        }
     }
 
     /// The states, to store.
@@ -93,7 +97,9 @@ impl Pcg32s {
     #[must_use]
     pub fn skip<const STEPS: u32>(self) -> Self {
         let (a, c) = const { jump(STEPS) };
-        Self { state: self.state.map(|s| s * u64x8::splat(a) + u64x8::splat(c)) }
+        Self {
+            state: self.state.map(|s| s * u64x8::splat(a) + u64x8::splat(c)),
+        }
     }
 
     /// The next 32 bits.
@@ -125,14 +131,20 @@ impl Pcg32s {
     #[inline(always)]
     #[must_use]
     pub fn branch(self) -> Self {
-        Self { state: self.state.map(|s| mix(s ^ u64x8::splat(0xd1b5_4a32_d192_ed03))) }
+        Self {
+            state: self
+                .state
+                .map(|s| mix(s ^ u64x8::splat(0xd1b5_4a32_d192_ed03))),
+        }
     }
 
     /// `yes` where set, else `no`.
     #[inline(always)]
     pub fn select(mask: Mask, yes: Self, no: Self) -> Self {
         let (yes, no) = (yes.states(), no.states());
-        Self::from_states(std::array::from_fn(|i| if mask.test(i) { yes[i] } else { no[i] }))
+        Self::from_states(std::array::from_fn(|i| {
+            if mask.test(i) { yes[i] } else { no[i] }
+        }))
     }
 }
 
@@ -146,7 +158,11 @@ mod tests {
 
     #[test]
     fn lanes_equal_rand_pcg_bit_for_bit() {
-        for (seed, pixel, first) in [(0, 0, 0), (1, 639_999, 48), (u64::MAX, u32::MAX - 20, 1 << 40)] {
+        for (seed, pixel, first) in [
+            (0, 0, 0),
+            (1, 639_999, 48),
+            (u64::MAX, u32::MAX - 20, 1 << 40),
+        ] {
             let pixels = U32s::splat(pixel) + iota();
             let mut lanes = Pcg32s::for_paths(seed, pixels, first, iota() * U32s::splat(3));
             let mut scalar: Vec<Pcg32> = (0..LANES as u32)
@@ -192,7 +208,11 @@ mod tests {
         }
         let standard_error = (f64::from(n)).sqrt() / 12.0;
         for sum in sums {
-            assert!((sum / standard_error).abs() < 4.5, "z = {}", sum / standard_error);
+            assert!(
+                (sum / standard_error).abs() < 4.5,
+                "z = {}",
+                sum / standard_error
+            );
         }
     }
 }

@@ -34,7 +34,11 @@ impl Strata {
         let fold = |x: u64| (x ^ (x >> 32)) as u32;
         let seed = U32s::splat(fold(seed).wrapping_mul(0x9e37_79b9));
         let block = U32s::splat(fold(block).wrapping_mul(0x85eb_ca6b));
-        Self { log2: samples.next_power_of_two().trailing_zeros(), sample, key: mix(mix(pixel ^ seed) ^ block) }
+        Self {
+            log2: samples.next_power_of_two().trailing_zeros(),
+            sample,
+            key: mix(mix(pixel ^ seed) ^ block),
+        }
     }
 
     /// The sample's stratum in `dimension`, in 0 .. 2^k.
@@ -65,7 +69,10 @@ impl Strata {
         let columns = self.log2.div_ceil(2);
         let rows = self.log2 - columns;
         let stratum = self.stratum(dimension);
-        let (column, row) = (stratum & U32s::splat((1 << columns) - 1), stratum >> columns);
+        let (column, row) = (
+            stratum & U32s::splat((1 << columns) - 1),
+            stratum >> columns,
+        );
         [
             below_one((to_f32(column) + u) * F32s::splat(1.0 / (1 << columns) as f32)),
             below_one((to_f32(row) + v) * F32s::splat(1.0 / (1 << rows) as f32)),
@@ -101,7 +108,14 @@ mod tests {
 
     #[test]
     fn a_full_block_fills_each_stratum_once() {
-        for (samples, columns, rows) in [(1, 1, 1), (2, 2, 1), (4, 2, 2), (16, 4, 4), (32, 8, 4), (64, 8, 8)] {
+        for (samples, columns, rows) in [
+            (1, 1, 1),
+            (2, 2, 1),
+            (4, 2, 2),
+            (16, 4, 4),
+            (32, 8, 4),
+            (64, 8, 8),
+        ] {
             for pixel in 0..50 {
                 let mut seen = vec![0; samples as usize];
                 for [u, v] in block(pixel, samples, pixel % 7) {
@@ -122,7 +136,10 @@ mod tests {
             counts[(v * 4.0) as usize * 4 + (u * 4.0) as usize] += 1.0;
         }
         let expected = f64::from(pixels) / 16.0;
-        let chi2: f64 = counts.iter().map(|c| (c - expected).powi(2) / expected).sum();
+        let chi2: f64 = counts
+            .iter()
+            .map(|c| (c - expected).powi(2) / expected)
+            .sum();
         assert!(chi2 < 44.3, "chi² = {chi2}");
     }
 
@@ -145,7 +162,13 @@ mod tests {
         let strata = Strata::new(0, U32s::splat(0), 0, 64, iota());
         let u = F32s::splat(1.0 - f32::EPSILON / 2.0);
         for d in 0..100 {
-            assert!(strata.one(U32s::splat(d), u).to_array().iter().all(|&x| x < 1.0));
+            assert!(
+                strata
+                    .one(U32s::splat(d), u)
+                    .to_array()
+                    .iter()
+                    .all(|&x| x < 1.0)
+            );
             let [a, b] = strata.pair(U32s::splat(d), [u, u]);
             assert!(a.to_array().iter().chain(&b.to_array()).all(|&x| x < 1.0));
         }

@@ -31,7 +31,13 @@ pub fn connect_transparent<const F: u32>(scene: &CompiledScene, wave: &mut Wave)
             let blocked = t.lt(t_max) & !primitive.eq(load_u32(&shadows.target, at));
             let (path, radiance) = (shadows.paths(at), shadows.radiance(at));
             let rejected = &mut wave.counters.rejected;
-            add_radiance(&mut wave.radiance, rejected, active & !blocked, path, radiance);
+            add_radiance(
+                &mut wave.radiance,
+                rejected,
+                active & !blocked,
+                path,
+                radiance,
+            );
 
             let class = gather_u32(&scene.surfaces.class, primitive);
             let kind = class & U32s::splat(PrimitiveClass::KIND);
@@ -41,10 +47,17 @@ pub fn connect_transparent<const F: u32>(scene: &CompiledScene, wave: &mut Wave)
             }
             let index = U32s::splat(at as u32) + iota();
             let direction = gather3(
-                [&shadows.direction_x, &shadows.direction_y, &shadows.direction_z],
+                [
+                    &shadows.direction_x,
+                    &shadows.direction_y,
+                    &shadows.direction_z,
+                ],
                 index,
             );
-            let origin = gather3([&shadows.origin_x, &shadows.origin_y, &shadows.origin_z], index);
+            let origin = gather3(
+                [&shadows.origin_x, &shadows.origin_y, &shadows.origin_z],
+                index,
+            );
             let (point, normal) = surface::<F>(scene, primitive, origin, direction, t);
             let params = Dielectric::fetch(&scene.materials, material(scene, primitive));
             let passes = Dielectric::transmittance(&params, -direction.dot(normal));
@@ -58,7 +71,8 @@ pub fn connect_transparent<const F: u32>(scene: &CompiledScene, wave: &mut Wave)
             store(&mut shadows.radiance_r, at, radiance.x);
             store(&mut shadows.radiance_g, at, radiance.y);
             store(&mut shadows.radiance_b, at, radiance.z);
-            wave.crossed.append_lanes(shadows, at, crosses & passes.gt(F32s::splat(0.0)));
+            wave.crossed
+                .append_lanes(shadows, at, crosses & passes.gt(F32s::splat(0.0)));
         }
         std::mem::swap(&mut wave.shadows, &mut wave.crossed);
     }
@@ -71,9 +85,16 @@ fn trace(scene: &CompiledScene, wave: &mut Wave) {
     let rays = RayBatch {
         len: shadows.len,
         origin: [&shadows.origin_x, &shadows.origin_y, &shadows.origin_z],
-        direction: [&shadows.direction_x, &shadows.direction_y, &shadows.direction_z],
+        direction: [
+            &shadows.direction_x,
+            &shadows.direction_y,
+            &shadows.direction_z,
+        ],
         skip: &shadows.skip,
     };
-    let hits = HitBatch { t: &mut wave.hits.t, primitive: &mut wave.hits.primitive };
+    let hits = HitBatch {
+        t: &mut wave.hits.t,
+        primitive: &mut wave.hits.primitive,
+    };
     scene.accel.closest(rays, hits, &mut wave.counters.accel);
 }

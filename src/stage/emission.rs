@@ -3,8 +3,8 @@
 use std::ops::Not;
 
 use crate::compile::{CompiledScene, Features};
-use crate::math::lanes::{Mask, U32s};
 use crate::math::Compare;
+use crate::math::lanes::{Mask, U32s};
 use crate::scene::Strategy;
 use crate::wave::state;
 
@@ -35,4 +35,3 @@ pub(super) fn is_specular(ray_state: U32s) -> Mask {
 pub(super) fn has(ray_state: U32s, bit: u32) -> Mask {
     (ray_state & U32s::splat(bit)).eq(U32s::splat(bit))
 }
-

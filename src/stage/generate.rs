@@ -2,8 +2,8 @@
 
 use crate::compile::{CompiledScene, Features, WorkItem};
 use crate::geometry::PrimitiveId;
-use crate::math::lanes::{F32s, LANES, U32s, iota, store, store_u32, to_f32};
 use crate::math::Vec3s;
+use crate::math::lanes::{F32s, LANES, U32s, iota, store, store_u32, to_f32};
 use crate::sampler::{CAMERA_DIMENSIONS, Pcg32s, Strata};
 use crate::wave::{Wave, state};
 
@@ -29,7 +29,10 @@ pub fn generate<const F: u32>(scene: &CompiledScene, item: &WorkItem, wave: &mut
         let jitter = if whitted {
             [F32s::splat(0.5); 2]
         } else {
-            let jitter = { let mut r = random; [r.next_f32(), r.next_f32()] };
+            let jitter = {
+                let mut r = random;
+                [r.next_f32(), r.next_f32()]
+            };
             if scene.on::<F>(Features::STRATIFIED) {
                 Strata::new(scene.seed, pixel, item.block, item.samples, sample)
                     .pair(U32s::splat(0), jitter)
@@ -38,8 +41,15 @@ pub fn generate<const F: u32>(scene: &CompiledScene, item: &WorkItem, wave: &mut
             }
         };
         random = random.skip::<CAMERA_DIMENSIONS>();
-        let direction = scene.camera.directions(to_f32(x) + jitter[0], to_f32(y) + jitter[1]);
-        rays.set_ray(at, Vec3s::splat(scene.camera.eye), direction, U32s::splat(PrimitiveId::NONE));
+        let direction = scene
+            .camera
+            .directions(to_f32(x) + jitter[0], to_f32(y) + jitter[1]);
+        rays.set_ray(
+            at,
+            Vec3s::splat(scene.camera.eye),
+            direction,
+            U32s::splat(PrimitiveId::NONE),
+        );
         rays.set_throughput(at, Vec3s::splat([1.0; 3]));
         store_u32(&mut rays.path, at, path);
         store_u32(&mut rays.state, at, U32s::splat(1 | state::SPECULAR));

@@ -5,6 +5,10 @@ use crate::wave::Wave;
 
 /// Finds the closest hit of every ray.
 pub fn intersect(scene: &CompiledScene, wave: &mut Wave) {
-    scene.accel.closest(wave.rays.batch(), wave.hits.batch(), &mut wave.counters.accel);
+    scene.accel.closest(
+        wave.rays.batch(),
+        wave.hits.batch(),
+        &mut wave.counters.accel,
+    );
     wave.hits.len = wave.rays.len;
 }

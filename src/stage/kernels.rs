@@ -61,7 +61,10 @@ const TRIANGLES: u32 = Features::TRIANGLES
     .with(Features::MIS)
     .0;
 /// The same with spheres and glass.
-const ROOM: u32 = Features(TRIANGLES).with(Features::SPHERES).with(Features::DIELECTRIC).0;
+const ROOM: u32 = Features(TRIANGLES)
+    .with(Features::SPHERES)
+    .with(Features::DIELECTRIC)
+    .0;
 /// Everything.
 const FULL: u32 = IN_CODE.0;
 

@@ -3,8 +3,8 @@
 use super::surface::{gather_rays, surface};
 use crate::compile::{CompiledScene, WorkItem};
 use crate::geometry::PrimitiveId;
-use crate::math::lanes::{LANES, Mask, U32s, iota, load, load_u32};
 use crate::math::Compare;
+use crate::math::lanes::{LANES, Mask, U32s, iota, load, load_u32};
 use crate::wave::{Wave, state};
 
 /// Adds albedo, normal and depth of the camera rays' hits to their pixels.
@@ -13,7 +13,8 @@ pub fn record_aux<const F: u32>(scene: &CompiledScene, item: &WorkItem, wave: &m
         let active = Mask::first(wave.rays.len - at);
         let depth = load_u32(&wave.rays.state, at) & U32s::splat(state::DEPTH);
         let primitive = load_u32(&wave.hits.primitive, at);
-        let first = active & depth.eq(U32s::splat(1)) & !primitive.eq(U32s::splat(PrimitiveId::NONE));
+        let first =
+            active & depth.eq(U32s::splat(1)) & !primitive.eq(U32s::splat(PrimitiveId::NONE));
         if first.none() {
             continue;
         }

@@ -1,8 +1,8 @@
 //! next rays → rays: survival, reweighting, compaction.
 
 use crate::compile::{CompiledScene, Features};
-use crate::math::lanes::{F32s, LANES, Mask, U32s, load, load_u32, store, store_u32};
 use crate::math::Compare;
+use crate::math::lanes::{F32s, LANES, Mask, U32s, load, load_u32, store, store_u32};
 use crate::sampler::{BOUNCE_DIMENSIONS, Dimension, Pcg32s};
 use crate::wave::{Wave, state};
 
@@ -19,7 +19,11 @@ pub fn roulette<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
         let throughput = next.throughput(at);
         let largest = throughput.max_elem();
         let mut alive = active & largest.gt(F32s::splat(0.0));
-        let mut random = Pcg32s::from_states(next.random[at..at + LANES].try_into().expect("LANES states"));
+        let mut random = Pcg32s::from_states(
+            next.random[at..at + LANES]
+                .try_into()
+                .expect("LANES states"),
+        );
         // A ray of depth d leaves a hit at which d − 1 segments have been traced.
         let traced = (load_u32(&next.state, at) & U32s::splat(state::DEPTH)) - U32s::splat(1);
         let plays = alive & traced.ge(U32s::splat(scene.roulette_depth));

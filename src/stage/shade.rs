@@ -85,7 +85,11 @@ pub fn shade<M: Material, const F: u32>(scene: &CompiledScene, item: &WorkItem, 
             throughput: gather_throughput(rays, ray),
             path: gather_u32(&rays.path, ray),
             state: gather_u32(&rays.state, ray),
-            eta: if scene.on::<F>(Features::DIELECTRIC) { gather(&rays.eta, ray) } else { F32s::splat(1.0) },
+            eta: if scene.on::<F>(Features::DIELECTRIC) {
+                gather(&rays.eta, ray)
+            } else {
+                F32s::splat(1.0)
+            },
             random: {
                 let index = ray.to_array();
                 let random: &[u64] = &rays.random;
@@ -99,7 +103,14 @@ pub fn shade<M: Material, const F: u32>(scene: &CompiledScene, item: &WorkItem, 
         let params = M::fetch(&scene.materials, material(scene, primitive));
 
         if !M::SPECULAR && scene.on::<F>(Features::SHADOW_RAYS) {
-            sample_light::<M, F>(scene, &hits, strata, &params, &mut wave.shadows, &mut wave.counters.shadow_rays);
+            sample_light::<M, F>(
+                scene,
+                &hits,
+                strata,
+                &params,
+                &mut wave.shadows,
+                &mut wave.counters.shadow_rays,
+            );
         }
         if scene.on::<F>(Features::WHITTED) {
             if !M::SPECULAR {
@@ -115,7 +126,15 @@ pub fn shade<M: Material, const F: u32>(scene: &CompiledScene, item: &WorkItem, 
             }
         }
         let sample = M::sample(&params, hits.wo, direction_numbers(&hits, strata));
-        continue_path::<M, F>(scene, &hits, &sample, hits.active, hits.random, hits.state, &mut wave.next);
+        continue_path::<M, F>(
+            scene,
+            &hits,
+            &sample,
+            hits.active,
+            hits.random,
+            hits.state,
+            &mut wave.next,
+        );
     }
 }
 
@@ -127,7 +146,10 @@ fn strata<const F: u32>(scene: &CompiledScene, item: &WorkItem, hits: &Hits) -> 
         let pixel = y * U32s::splat(item.image_width) + x;
         let bounce = (hits.state & U32s::splat(state::DEPTH)) - U32s::splat(1);
         let first = bounce * U32s::splat(BOUNCE_DIMENSIONS) + U32s::splat(CAMERA_DIMENSIONS);
-        (Strata::new(scene.seed, pixel, item.block, item.samples, sample), first)
+        (
+            Strata::new(scene.seed, pixel, item.block, item.samples, sample),
+            first,
+        )
     }))
 }
 
@@ -163,7 +185,9 @@ fn sample_light<M: Material, const F: u32>(
     let (value, pdf) = M::eval(params, hits.wo, hits.frame.to_local(sample.direction));
     let mut weight = F32s::splat(1.0);
     if scene.on::<F>(Features::MIS) {
-        weight = sample.delta.select(weight, mis::power_heuristic(sample.pdf, pdf));
+        weight = sample
+            .delta
+            .select(weight, mis::power_heuristic(sample.pdf, pdf));
     }
     let incoming = sample.radiance * (weight / sample.pdf);
     let radiance = hits.throughput.mul_elem(value).mul_elem(incoming);
@@ -215,9 +239,28 @@ fn split<M: Material, const F: u32>(
     };
     let split_state = hits.state + U32s::splat(state::SPLIT);
     let first_state = may_split.select_u32(split_state, hits.state);
-    continue_path::<M, F>(scene, hits, &first, hits.active, hits.random, first_state, next);
-    let second = BsdfSample { valid: second.valid & may_split, ..second };
-    continue_path::<M, F>(scene, hits, &second, hits.active, hits.random.branch(), split_state, next);
+    continue_path::<M, F>(
+        scene,
+        hits,
+        &first,
+        hits.active,
+        hits.random,
+        first_state,
+        next,
+    );
+    let second = BsdfSample {
+        valid: second.valid & may_split,
+        ..second
+    };
+    continue_path::<M, F>(
+        scene,
+        hits,
+        &second,
+        hits.active,
+        hits.random.branch(),
+        split_state,
+        next,
+    );
 }
 
 /// Appends the next ray of each active lane; `random` stands at the hit's first dimension.
@@ -238,7 +281,8 @@ fn continue_path<M: Material, const F: u32>(
     next.set_ray(at, origin, direction, hits.primitive);
     next.set_throughput(at, Vec3s::select(sample.valid, weighted, Vec3s::zero()));
     store_u32(&mut next.path, at, hits.path);
-    let kept = path_state & U32s::splat(!(state::SPECULAR | state::THROUGH_GLASS | state::UNREFLECTED));
+    let kept =
+        path_state & U32s::splat(!(state::SPECULAR | state::THROUGH_GLASS | state::UNREFLECTED));
     let history = if M::TRANSMISSIVE {
         let zero = F32s::splat(0.0);
         let crossed = sample.wi.z.lt(zero) ^ hits.wo.z.lt(zero);
@@ -253,7 +297,8 @@ fn continue_path<M: Material, const F: u32>(
         U32s::splat(state::UNREFLECTED)
     };
     store_u32(&mut next.state, at, (kept | history) + U32s::splat(1));
-    next.random[at..at + LANES].copy_from_slice(&random.skip::<{ Dimension::Roulette as u32 }>().states());
+    next.random[at..at + LANES]
+        .copy_from_slice(&random.skip::<{ Dimension::Roulette as u32 }>().states());
     if scene.on::<F>(Features::MIS) {
         store(&mut next.pdf, at, sample.pdf);
     }

@@ -26,13 +26,20 @@ pub fn shade_emission<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
         let (point, normal) = surface::<F>(scene, primitive, origin, direction, t);
         let mut weight = F32s::splat(1.0);
         if scene.on::<F>(Features::MIS) {
-            let light_pdf = light::pdf::<F>(&scene.lights, light, origin, point.p, normal, direction, t);
+            let light_pdf =
+                light::pdf::<F>(&scene.lights, light, origin, point.p, normal, direction, t);
             let shared = mis::power_heuristic(gather(&rays.pdf, ray), light_pdf);
             weight = is_specular(ray_state).select(weight, shared);
         }
         let emitted: Vec3s = light::emitted(&scene.lights, light, -direction.dot(normal));
         let radiance = gather_throughput(rays, ray).mul_elem(emitted) * weight;
         let path = gather_u32(&rays.path, ray);
-        add_radiance(&mut wave.radiance, &mut wave.counters.rejected, counts, path, radiance);
+        add_radiance(
+            &mut wave.radiance,
+            &mut wave.counters.rejected,
+            counts,
+            path,
+            radiance,
+        );
     }
 }

@@ -18,7 +18,10 @@ pub fn shade_escaped<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
         let mut weight = F32s::splat(1.0);
         if scene.on::<F>(Features::MIS) {
             let normal = gather3([&rays.normal_x, &rays.normal_y, &rays.normal_z], ray);
-            let direction = gather3([&rays.direction_x, &rays.direction_y, &rays.direction_z], ray);
+            let direction = gather3(
+                [&rays.direction_x, &rays.direction_y, &rays.direction_z],
+                ray,
+            );
             let light_pdf = light::pdf_background(&scene.lights, normal, direction);
             let shared = mis::power_heuristic(gather(&rays.pdf, ray), light_pdf);
             weight = is_specular(ray_state).select(weight, shared);
@@ -27,6 +30,12 @@ pub fn shade_escaped<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
         let throughput = gather_throughput(rays, ray);
         let radiance = throughput.mul_elem(Vec3s::splat(scene.background)) * weight;
         let path = gather_u32(&rays.path, ray);
-        add_radiance(&mut wave.radiance, &mut wave.counters.rejected, counts, path, radiance);
+        add_radiance(
+            &mut wave.radiance,
+            &mut wave.counters.rejected,
+            counts,
+            path,
+            radiance,
+        );
     }
 }

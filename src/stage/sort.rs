@@ -2,13 +2,17 @@
 
 use crate::compile::{CompiledScene, PrimitiveClass};
 use crate::geometry::PrimitiveId;
-use crate::math::lanes::{LANES, Mask, U32s, compress_u32, gather_u32, iota, load_u32};
 use crate::math::Compare;
+use crate::math::lanes::{LANES, Mask, U32s, compress_u32, gather_u32, iota, load_u32};
 use crate::wave::{COUNTED_DEPTHS, IndexQueue, MATERIAL_KINDS, Wave, state};
 
 /// Puts each hit's index where it belongs. Hits at the depth limit are not shaded.
 pub fn sort(scene: &CompiledScene, wave: &mut Wave) {
-    for queue in wave.by_material.iter_mut().chain([&mut wave.emitters, &mut wave.escaped]) {
+    for queue in wave
+        .by_material
+        .iter_mut()
+        .chain([&mut wave.emitters, &mut wave.escaped])
+    {
         queue.len = 0;
     }
     let none = U32s::splat(PrimitiveId::NONE);
@@ -38,7 +42,11 @@ pub fn sort(scene: &CompiledScene, wave: &mut Wave) {
         let kind = class & U32s::splat(PrimitiveClass::KIND);
         // Kind 0 is black: it scatters nothing.
         for k in 1..MATERIAL_KINDS {
-            push(&mut wave.by_material[k], shaded & kind.eq(U32s::splat(k as u32)), index);
+            push(
+                &mut wave.by_material[k],
+                shaded & kind.eq(U32s::splat(k as u32)),
+                index,
+            );
         }
     }
 }

@@ -9,7 +9,11 @@ use crate::wave::RayQueue;
 /// Three columns at `index`.
 #[inline(always)]
 pub(super) fn gather3(columns: [&[f32]; 3], index: U32s) -> Vec3s {
-    Vec3s::new(gather(columns[0], index), gather(columns[1], index), gather(columns[2], index))
+    Vec3s::new(
+        gather(columns[0], index),
+        gather(columns[1], index),
+        gather(columns[2], index),
+    )
 }
 
 /// Origin and direction of the rays at `ray`.
@@ -17,14 +21,20 @@ pub(super) fn gather3(columns: [&[f32]; 3], index: U32s) -> Vec3s {
 pub(super) fn gather_rays(rays: &RayQueue, ray: U32s) -> (Vec3s, Vec3s) {
     (
         gather3([&rays.origin_x, &rays.origin_y, &rays.origin_z], ray),
-        gather3([&rays.direction_x, &rays.direction_y, &rays.direction_z], ray),
+        gather3(
+            [&rays.direction_x, &rays.direction_y, &rays.direction_z],
+            ray,
+        ),
     )
 }
 
 /// Throughput of the rays at `ray`.
 #[inline(always)]
 pub(super) fn gather_throughput(rays: &RayQueue, ray: U32s) -> Vec3s {
-    gather3([&rays.throughput_r, &rays.throughput_g, &rays.throughput_b], ray)
+    gather3(
+        [&rays.throughput_r, &rays.throughput_g, &rays.throughput_b],
+        ray,
+    )
 }
 
 /// Point with error bound, and unit geometric normal (outward for spheres), of hits of `primitive`
@@ -45,9 +55,13 @@ pub(super) fn surface<const F: u32>(
     };
     let triangle = || {
         let [a, b, c] = &surfaces.corners;
-        let corners = [a, b, c].map(|corner| gather3([&corner[0], &corner[1], &corner[2]], primitive));
+        let corners =
+            [a, b, c].map(|corner| gather3([&corner[0], &corner[1], &corner[2]], primitive));
         let [nx, ny, nz] = &surfaces.normal;
-        (triangle_point(origin, direction, corners), gather3([nx, ny, nz], primitive))
+        (
+            triangle_point(origin, direction, corners),
+            gather3([nx, ny, nz], primitive),
+        )
     };
     let sphere = || {
         let index = primitive - U32s::splat(surfaces.first_sphere);

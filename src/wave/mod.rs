@@ -91,9 +91,7 @@ impl Wave {
     /// `item_pixels` pixels, with what `features` need.
     pub fn new(capacity: usize, features: Features, item_paths: usize, item_pixels: usize) -> Self {
         let when = |needs: Features, n: usize| if features.intersects(needs) { n } else { 0 };
-        let lights = Features(
-            Features::LIGHT_FLAT.0 | Features::LIGHT_SPHERE.0,
-        );
+        let lights = Features(Features::LIGHT_FLAT.0 | Features::LIGHT_SPHERE.0);
         // A queue that the scene does not need still has room for the one vector of lanes that
         // every column is padded with.
         Self {
@@ -117,8 +115,11 @@ impl Wave {
 
     /// Bytes of queues per path in flight with these features.
     pub fn bytes_per_path(features: Features) -> usize {
-        let kinds = (0..MATERIAL_KINDS).filter(|&k| features.intersects(material_feature(k))).count();
-        let lights = usize::from(features.intersects(Features::LIGHT_FLAT | Features::LIGHT_SPHERE));
+        let kinds = (0..MATERIAL_KINDS)
+            .filter(|&k| features.intersects(material_feature(k)))
+            .count();
+        let lights =
+            usize::from(features.intersects(Features::LIGHT_FLAT | Features::LIGHT_SPHERE));
         let escaped = usize::from(features.intersects(Features::BACKGROUND));
         let shadows = usize::from(features.intersects(Features::SHADOW_RAYS))
             + usize::from(features.intersects(Features::TRANSPARENT_SHADOWS));
@@ -170,8 +171,12 @@ pub fn add_radiance(
     let good = mask & sound(radiance.x) & sound(radiance.y) & sound(radiance.z);
     debug_assert_eq!(good, mask, "unsound contribution {radiance:?}");
     *rejected += (mask.count() - good.count()) as u64;
-    let (path, r, g, b) =
-        (path.as_array(), radiance.x.as_array(), radiance.y.as_array(), radiance.z.as_array());
+    let (path, r, g, b) = (
+        path.as_array(),
+        radiance.x.as_array(),
+        radiance.y.as_array(),
+        radiance.z.as_array(),
+    );
     for lane in good.lanes() {
         let sum = &mut gathered[path[lane] as usize];
         sum[0] += r[lane];
@@ -225,7 +230,10 @@ impl RayQueue {
 impl HitQueue {
     /// The hits as the acceleration structures write them.
     pub fn batch(&mut self) -> HitBatch<'_> {
-        HitBatch { t: &mut self.t, primitive: &mut self.primitive }
+        HitBatch {
+            t: &mut self.t,
+            primitive: &mut self.primitive,
+        }
     }
 }
 
@@ -248,7 +256,11 @@ impl ShadowQueue {
     /// Radiance of the items `at ..`.
     #[inline(always)]
     pub fn radiance(&self, at: usize) -> Vec3s {
-        Vec3s::new(load(&self.radiance_r, at), load(&self.radiance_g, at), load(&self.radiance_b, at))
+        Vec3s::new(
+            load(&self.radiance_r, at),
+            load(&self.radiance_g, at),
+            load(&self.radiance_b, at),
+        )
     }
 
     /// Path numbers of the items `at ..`.

@@ -36,7 +36,10 @@ impl Item for u64 {
     #[inline(always)]
     fn compress(from: &[Self], source: usize, to: &mut [Self], target: usize, mask: Mask) {
         // Two 32-bit compressions of the halves cost more than this short loop over the survivors.
-        let (from, to) = (&from[source..source + LANES], &mut to[target..target + LANES]);
+        let (from, to) = (
+            &from[source..source + LANES],
+            &mut to[target..target + LANES],
+        );
         for (slot, lane) in to.iter_mut().zip(mask.lanes()) {
             *slot = from[lane];
         }
@@ -46,8 +49,15 @@ impl Item for u64 {
 impl<T: Item> Column<T> {
     /// A column for `capacity` items, or an empty one.
     pub fn new(capacity: usize, present: bool) -> Self {
-        let bytes = if present { (padded(capacity) + LANES) * size_of::<T>() } else { 0 };
-        Self { storage: vec![F32s::splat(0.0); bytes / size_of::<F32s>()], items: std::marker::PhantomData }
+        let bytes = if present {
+            (padded(capacity) + LANES) * size_of::<T>()
+        } else {
+            0
+        };
+        Self {
+            storage: vec![F32s::splat(0.0); bytes / size_of::<F32s>()],
+            items: std::marker::PhantomData,
+        }
     }
 
     /// Whether the feature that needs the column is absent.
@@ -182,7 +192,10 @@ mod tests {
         to.append_lanes(&from, 16, mask);
         to.append_lanes(&from, 32, mask);
         assert_eq!(to.len, 8);
-        assert_eq!(to.always[..8], [16.0, 18.0, 21.0, 23.0, 32.0, 34.0, 37.0, 39.0]);
+        assert_eq!(
+            to.always[..8],
+            [16.0, 18.0, 21.0, 23.0, 32.0, 34.0, 37.0, 39.0]
+        );
         assert_eq!(to.sometimes[4..8], [32, 34, 37, 39]);
         assert_eq!(to.long[7], 39 << 40);
     }

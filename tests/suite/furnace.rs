@@ -1,0 +1,156 @@
+//! Closed rooms of which the radiance is known.
+
+use wavepath::scene::{Budget, RenderSettings, Strategy};
+
+use crate::support::{image_mean, parse, picture};
+
+/// A box whose walls have `bsdf` and emit `emission`, seen from inside, with `inside` in it.
+fn room(bsdf: &str, emission: f64, inside: &str) -> String {
+    format!(
+        r#"
+        [film]
+        width = 16
+        height = 16
+        [cameras.inside]
+        eye = [0.1, 0.2, -0.3]
+        look_at = [1.0, 0.4, 0.2]
+        up = [0.0, 0.0, 1.0]
+        fov = 90.0
+        [materials.wall]
+        {bsdf}
+        emission = [{emission}, {emission}, {emission}]
+        two_sided = true
+        [[shapes]]
+        type = "mesh"
+        mesh = "box"
+        material = "wall"
+        {inside}
+        "#
+    )
+}
+
+fn settings(strategy: Strategy) -> RenderSettings {
+    RenderSettings {
+        budget: Budget::Samples(64),
+        threads: 2,
+        strategy,
+        ..RenderSettings::default()
+    }
+}
+
+#[test]
+fn a_closed_emitting_room_has_radiance_l_over_one_minus_rho() {
+    for rho in [0.0, 0.1, 0.5, 0.9, 0.99] {
+        for bsdf in [
+            format!("type = \"lambertian\"\nreflectance = {rho}"),
+            format!("type = \"oren-nayar\"\nreflectance = {rho}\nsigma = 0.0"),
+            format!("type = \"mirror\"\nreflectance = {rho}"),
+        ] {
+            let scene = parse(&room(&bsdf, 1.0 - rho, ""));
+            for strategy in [Strategy::Mis, Strategy::Nee, Strategy::Bsdf] {
+                let outcome = picture(&scene, 0, [16, 16], &settings(strategy));
+                for (mean, error) in image_mean(&outcome) {
+                    assert!(
+                        (mean - 1.0).abs() <= 3.0 * error + 1e-5,
+                        "{bsdf}, {strategy:?}: {mean} ± {error}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn without_light_sampling_and_roulette_a_furnace_has_no_variance() {
+    // Le·(1 − ρ^n)/(1 − ρ) after n segments, in every sample of every pixel.
+    let (rho, emission, depth) = (0.5, 0.5, 20);
+    let scene = parse(&room(
+        "type = \"lambertian\"\nreflectance = 0.5",
+        emission,
+        "",
+    ));
+    let settings = RenderSettings {
+        max_depth: Some(depth),
+        roulette_depth: 1000,
+        budget: Budget::Samples(4),
+        ..settings(Strategy::Bsdf)
+    };
+    let expected = emission * (1.0 - f64::powi(rho, depth as i32)) / (1.0 - rho);
+    let outcome = picture(&scene, 0, [16, 16], &settings);
+    for pixel in 0..outcome.film.len() {
+        for value in outcome.film.mean(pixel) {
+            assert!(
+                (value - expected).abs() < 1e-6,
+                "pixel {pixel}: {value}, not {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn lossless_glass_in_a_furnace_is_invisible() {
+    for fresnel in ["exact", "schlick"] {
+        let inside = format!(
+            r#"
+            [materials.glass]
+            type = "dielectric"
+            ior = 1.5
+            fresnel = "{fresnel}"
+            [[shapes]]
+            type = "sphere"
+            material = "glass"
+            center = [0.3, 0.25, 0.0]
+            radius = 0.12
+            "#
+        );
+        let scene = parse(&room(
+            "type = \"lambertian\"\nreflectance = 0.5",
+            0.5,
+            &inside,
+        ));
+        for strategy in [Strategy::Mis, Strategy::Nee, Strategy::Bsdf] {
+            let outcome = picture(&scene, 0, [16, 16], &settings(strategy));
+            for (mean, error) in image_mean(&outcome) {
+                assert!(
+                    (mean - 1.0).abs() <= 3.0 * error + 1e-5,
+                    "{strategy:?}: {mean} ± {error}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_hall_of_perfect_mirrors_ends_by_roulette_alone() {
+    // Reflectance 1 and no emission: survival is at most 0.99, so the render ends, black.
+    let scene = parse(&room("type = \"mirror\"\nreflectance = 1.0", 0.0, ""));
+    let outcome = picture(&scene, 0, [16, 16], &settings(Strategy::Mis));
+    assert_eq!(image_mean(&outcome)[0].0, 0.0);
+    let mean_length = outcome.stats.rays() as f64 / outcome.stats.paths as f64;
+    // From depth 5 on a path lasts 1/(1 − 0.99) = 100 segments more on average; 4σ of the mean.
+    assert!(
+        (mean_length - 104.0).abs() < 4.0 * 100.0 / (outcome.stats.paths as f64).sqrt() + 1.0,
+        "{mean_length}"
+    );
+}
+
+#[test]
+fn depth_counts_segments_in_every_strategy() {
+    // Depth n leaves Le·(1 + ρ + … + ρ^(n−1)).
+    let scene = parse(&room("type = \"lambertian\"\nreflectance = 0.5", 1.0, ""));
+    for strategy in [Strategy::Mis, Strategy::Nee, Strategy::Bsdf] {
+        for (depth, expected) in [(1, 1.0), (2, 1.5), (3, 1.75), (4, 1.875)] {
+            let settings = RenderSettings {
+                max_depth: Some(depth),
+                roulette_depth: 100,
+                ..settings(strategy)
+            };
+            let outcome = picture(&scene, 0, [16, 16], &settings);
+            let (mean, error) = image_mean(&outcome)[0];
+            assert!(
+                (mean - expected).abs() <= 4.0 * error + 1e-5,
+                "{strategy:?} at depth {depth}: {mean} ± {error}, not {expected}"
+            );
+        }
+    }
+}
