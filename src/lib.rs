@@ -1,7 +1,9 @@
 //! wavepath
 pub mod accel;
 pub mod error;
+pub mod film;
 pub mod geometry;
+pub mod integrator;
 pub mod math;
 pub mod scene;
 

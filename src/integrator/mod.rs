@@ -1,0 +1,3 @@
+//! Renders a compiled scene into a film.
+
+pub mod stats;
