@@ -42,11 +42,10 @@ pub(super) fn available_bytes() -> Option<u64> {
     machine.into_iter().chain(group).min()
 }
 
-fn mem_available(meminfo: &str) -> Option<u64> {
-    let line = meminfo
-        .lines()
-        .find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim_end().parse().ok()?;
+/// A size in a file of `/proc`, where a line is `name: <number> kB`, in bytes.
+pub(crate) fn bytes_field(text: &str, name: &str) -> Option<u64> {
+    let value = text.lines().find_map(|line| line.strip_prefix(name))?;
+    let kibibytes: u64 = value.trim().strip_suffix("kB")?.trim_end().parse().ok()?;
     Some(kibibytes * 1024)
 }
 
@@ -56,10 +55,10 @@ mod tests {
     use crate::error::ErrorKind;
 
     #[test]
-    fn kernel_estimate_is_read_in_bytes() {
+    fn sizes_in_kibibytes_are_read_in_bytes() {
         let text = "MemTotal:  16 kB\nMemFree: 1 kB\nMemAvailable:    8123 kB\n";
-        assert_eq!(mem_available(text), Some(8123 * 1024));
-        assert_eq!(mem_available("MemTotal: 16 kB\n"), None);
+        assert_eq!(bytes_field(text, "MemAvailable:"), Some(8123 * 1024));
+        assert_eq!(bytes_field("MemTotal: 16 kB\n", "MemAvailable:"), None);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! block means is the only source of the error estimate, so it holds for stratified samples too.
 
 pub mod compare;
-mod memory;
+pub(crate) mod memory;
 pub mod openexr;
 pub mod output;
 mod png;
