@@ -1,6 +1,6 @@
 //! What a render counts and how it ends.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// CPU time of one stage, summed over workers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -67,7 +67,7 @@ impl RenderStats {
 }
 
 /// Why a render ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EndReason {
     /// The sample count was reached.

@@ -51,7 +51,7 @@ pub enum AccelKind {
 }
 
 /// What ends a render; the first limit reached does.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Budget {
     /// This many samples per pixel.
@@ -87,7 +87,7 @@ pub struct RenderDefaults {
 }
 
 /// Everything that a render's picture depends on beside the scene and the budget.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RenderSettings {
     /// Integrator.
     pub integrator: IntegratorKind,

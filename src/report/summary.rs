@@ -1,0 +1,329 @@
+//! The report as text for people.
+
+use std::fmt;
+
+use clap::ValueEnum;
+
+use crate::integrator::stats::EndReason;
+use crate::scene::Budget;
+
+use super::{DepthReport, RenderReport, Span, ratio};
+
+/// Depths with a line of their own; deeper ones share the last line.
+const DEPTH_LINES: usize = 8;
+
+impl fmt::Display for RenderReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.header(f)?;
+        self.time_table(f)?;
+        self.ray_table(f)?;
+        self.stage_table(f)?;
+        self.depth_table(f)?;
+        self.footer(f)
+    }
+}
+
+impl RenderReport {
+    fn header(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (scene, result, settings) = (&self.scene, &self.result, &self.settings);
+        writeln!(
+            f,
+            "{}, camera {}, {} × {} pixels, {} samples per pixel",
+            scene.name,
+            scene.camera,
+            scene.width,
+            scene.height,
+            result.samples_per_pixel(),
+        )?;
+        let error = match result.relative_error {
+            Some(error) => format!("estimated relative error {:.3} %", 100.0 * error),
+            None => "no error estimate (it takes two blocks at every pixel)".to_owned(),
+        };
+        writeln!(f, "{error}; ended by {}", self.end())?;
+        for bias in &result.bias {
+            writeln!(f, "biased: {bias}")?;
+        }
+        let depth = settings
+            .max_depth
+            .map_or("none".to_owned(), |depth| depth.to_string());
+        writeln!(
+            f,
+            "{}, strategy {}, sampler {}, accel {}, depth limit {depth}, roulette from {}",
+            name(settings.integrator),
+            name(settings.strategy),
+            name(settings.sampler),
+            name(settings.accel),
+            settings.roulette_depth,
+        )?;
+        writeln!(
+            f,
+            "seed {}, {} threads, wave {}, block {}, {} lanes",
+            settings.seed, settings.threads, settings.wave, settings.block, self.build.lanes
+        )
+    }
+
+    /// What ended the render, with the limit.
+    fn end(&self) -> String {
+        match (self.result.ended, self.settings.budget) {
+            (EndReason::Interrupted, _) => "interruption".to_owned(),
+            (EndReason::Seconds, Budget::Seconds(seconds)) => format!("time, {seconds} s"),
+            (EndReason::Error, Budget::Error(goal)) => format!("error goal, {} %", 100.0 * goal),
+            (EndReason::Seconds, _) => "time".to_owned(),
+            (EndReason::Error, _) => "error goal".to_owned(),
+            (EndReason::Samples, _) => "sample count".to_owned(),
+        }
+    }
+
+    fn time_table(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "\n{:<14}{:>10}{:>10}", "phase", "wall s", "CPU s")?;
+        let times = &self.times;
+        let phases: [(&str, Span); 4] = [
+            ("load", times.load),
+            ("build", times.build),
+            ("render", times.render),
+            ("write", times.write),
+        ];
+        for (phase, span) in phases {
+            writeln!(
+                f,
+                "{phase:<14}{:>10.3}{:>10.3}",
+                span.wall_seconds, span.cpu_seconds
+            )?;
+        }
+        Ok(())
+    }
+
+    fn ray_table(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (rays, paths) = (&self.rays, &self.paths);
+        writeln!(
+            f,
+            "\n{:<14}{:>10}{:>10}{:>10}",
+            "rays", "count", "share", "per path"
+        )?;
+        let kinds = [
+            ("camera", rays.camera),
+            ("bounce", rays.bounce),
+            ("shadow", rays.shadow),
+            ("all", rays.total),
+        ];
+        for (kind, count) in kinds {
+            writeln!(
+                f,
+                "{kind:<14}{:>10}{:>10}{:>10.2}",
+                quantity(count as f64),
+                percent(ratio(count as f64, rays.total as f64)),
+                ratio(count as f64, paths.count as f64),
+            )?;
+        }
+        writeln!(
+            f,
+            "{:.2} Mrays/s, {:.2} Mrays and {} paths per CPU second, mean path length {:.2}",
+            rays.per_second * 1e-6,
+            rays.per_cpu_second * 1e-6,
+            quantity(paths.per_cpu_second),
+            paths.mean_length,
+        )?;
+        writeln!(
+            f,
+            "{:.1} nodes and {:.1} primitive tests per ray",
+            rays.nodes_per_ray, rays.tests_per_ray
+        )
+    }
+
+    fn stage_table(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "\n{:<14}{:>10}{:>10}{:>10}{:>10}",
+            "stage", "CPU s", "share", "items", "ns each"
+        )?;
+        for stage in &self.stages {
+            write!(
+                f,
+                "{:<14}{:>10.3}{:>10}",
+                stage.name,
+                stage.cpu_seconds,
+                percent(stage.share)
+            )?;
+            if stage.items > 0 {
+                let each = 1e9 * stage.cpu_seconds / stage.items as f64;
+                write!(f, "{:>10}{each:>10.1}", quantity(stage.items as f64))?;
+            }
+            writeln!(f)?;
+        }
+        Ok(())
+    }
+
+    fn depth_table(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "\n{:<14}{:>10}{:>10}{:>10}",
+            "depth", "rays", "shadow", "fill"
+        )?;
+        // A last line of one depth is printed as itself.
+        let own_lines = if self.depths.len() > DEPTH_LINES + 1 {
+            DEPTH_LINES
+        } else {
+            self.depths.len()
+        };
+        let (shallow, deep) = self.depths.split_at(own_lines);
+        let mut line = |label: &str, depths: &[DepthReport]| {
+            let sum = |count: fn(&DepthReport) -> u64| depths.iter().map(count).sum::<u64>() as f64;
+            let rays = sum(|depth| depth.rays);
+            let slots = sum(|depth| depth.passes) * self.settings.wave as f64;
+            writeln!(
+                f,
+                "{label:<14}{:>10}{:>10}{:>10}",
+                quantity(rays),
+                quantity(sum(|depth| depth.shadow_rays)),
+                percent(ratio(rays, slots)),
+            )
+        };
+        for depth in shallow {
+            line(&depth.depth.to_string(), std::slice::from_ref(depth))?;
+        }
+        if let (Some(first), Some(last)) = (deep.first(), deep.last()) {
+            line(&format!("{} to {}", first.depth, last.depth), deep)?;
+        }
+        Ok(())
+    }
+
+    fn footer(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "\nqueues {} full over {} passes, {} bytes per path in flight",
+            percent(self.queues.fill),
+            quantity(self.queues.passes as f64),
+            self.queues.bytes_per_path,
+        )?;
+        let peak = self
+            .memory
+            .peak_bytes
+            .map_or("unknown".to_owned(), mebibytes);
+        writeln!(
+            f,
+            "peak memory {peak}, film {}",
+            mebibytes(self.memory.film_bytes)
+        )?;
+        let machine = &self.machine;
+        write!(
+            f,
+            "{}, {} cores, {}",
+            machine.cpu, machine.cores, machine.os
+        )?;
+        if let Some([one, five, fifteen]) = machine.load_average {
+            write!(f, ", load before {one:.2} {five:.2} {fifteen:.2}")?;
+        }
+        writeln!(
+            f,
+            "\nwavepath {} ({})",
+            self.build.version, self.build.commit
+        )
+    }
+}
+
+/// An option's value as it is typed.
+fn name(value: impl ValueEnum) -> String {
+    value
+        .to_possible_value()
+        .map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+/// Three or more significant digits with a decimal prefix.
+fn quantity(count: f64) -> String {
+    for (limit, suffix) in [(1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")] {
+        if count >= 10.0 * limit {
+            return format!("{:.1} {suffix}", count / limit);
+        }
+    }
+    format!("{count:.0}")
+}
+
+fn mebibytes(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::sample;
+    use super::*;
+
+    #[test]
+    fn text_has_every_figure_that_it_promises() {
+        let text = sample().to_string();
+        for part in [
+            "room, camera 1, 2 × 1 pixels, 6 samples per pixel",
+            "estimated relative error",
+            "ended by interruption",
+            "biased: depth limit 16: 3 paths cut",
+            "seed 18446744073709551615, 2 threads, wave 1000, block 16",
+            "lanes",
+            "load               0.100     0.300",
+            "build",
+            "render",
+            "shadow              3000    50.0 %      3.00",
+            "0.01 Mrays/s, 0.00 Mrays and 500 paths per CPU second, mean path length 3.00",
+            "intersect          1.000    50.0 %      4000  250000.0",
+            "other",
+            "2                    500       400    25.0 %",
+            "queues 87.5 % full over 4 passes, 96 bytes per path in flight",
+            "peak memory",
+            "cores",
+            env!("WAVEPATH_COMMIT"),
+        ] {
+            assert!(text.contains(part), "{part:?} is missing in\n{text}");
+        }
+        assert!(
+            text.lines().all(|line| line.chars().count() <= 120),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn deep_paths_share_the_last_line() {
+        let mut report = sample();
+        let depth = DepthReport {
+            depth: 0,
+            rays: 10,
+            shadow_rays: 5,
+            passes: 1,
+            queue_fill: 0.01,
+        };
+        report.depths = (1..=20)
+            .map(|index| DepthReport {
+                depth: index,
+                ..depth
+            })
+            .collect();
+        let text = report.to_string();
+        assert!(
+            text.contains("\n8                     10         5     1.0 %\n9 to 20"),
+            "{text}"
+        );
+        assert!(
+            text.contains("9 to 20              120        60     1.0 %"),
+            "{text}"
+        );
+        report.depths.truncate(9);
+        assert!(
+            report.to_string().contains("\n9                     10"),
+            "{report}"
+        );
+    }
+
+    #[test]
+    fn quantities_keep_three_digits() {
+        for (count, text) in [
+            (0.0, "0"),
+            (9999.0, "9999"),
+            (12_345.0, "12.3 k"),
+            (3.2e8, "320.0 M"),
+            (1e14, "100.0 T"),
+        ] {
+            assert_eq!(quantity(count), text);
+        }
+    }
+}
