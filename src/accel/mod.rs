@@ -1,6 +1,36 @@
 //! Acceleration structures behind one batch trait. They know primitives, not materials.
 
+mod linear;
+mod polygon;
+#[cfg(test)]
+mod tests;
+
+pub use linear::LinearScan;
+
+use crate::error::{Error, Result};
 use crate::geometry::Geometry;
+
+/// Which structure to build.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Structure {
+    /// [`LinearScan`].
+    Linear,
+}
+
+/// Builds a structure over the primitives.
+///
+/// # Errors
+/// [`crate::ErrorKind::Limit`] for 2³¹ primitives or more.
+pub fn build(structure: Structure, geometry: &Geometry) -> Result<Box<dyn Accel>> {
+    if geometry.len() >= 1 << 31 {
+        return Err(Error::limit(
+            "a scene may have at most 2^31 - 1 triangles and spheres together",
+        ));
+    }
+    Ok(match structure {
+        Structure::Linear => Box::new(LinearScan::new(geometry)),
+    })
+}
 
 /// A batch of rays in structure-of-arrays columns, all of the same length `len` padded with
 /// readable slack to a multiple of the lane width. Directions are unit length, in f32.

@@ -1,4 +1,13 @@
-//! Triangles and spheres: tables of primitives and the tests of rays against them.
+//! Triangles and spheres: tables of primitives, the tests of rays against them, and points on them.
+
+pub mod hit;
+pub mod slab;
+pub mod sphere;
+#[cfg(test)]
+pub(crate) mod testing;
+pub mod triangle;
+
+pub use hit::{SurfacePoint, spawn_origin, sphere_point, triangle_point};
 
 /// Index of a primitive: triangles first, then spheres.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -32,6 +41,9 @@ pub struct Geometry {
     pub triangles: Vec<Triangle>,
     /// Spheres: finite.
     pub spheres: Vec<Sphere>,
+    /// Per triangle: coplanar neighbours of equal value may be traced as one polygon, whose hits are
+    /// reported under one of its triangles. Empty: none may. Values are otherwise without meaning.
+    pub groups: Vec<u32>,
 }
 
 impl Geometry {

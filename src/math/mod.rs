@@ -1,5 +1,6 @@
 //! Lanes, vectors of lanes, frames, warps and floating-point error bounds.
 
+pub mod float;
 pub mod lanes;
 pub mod vec3;
 

@@ -1,0 +1,315 @@
+//! The watertight ray–triangle test of Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection"
+//! (Journal of Computer Graphics Techniques 2(1), 2013), for one ray against one triangle and against a
+//! pack of [`LANES`] triangles. Both give the same bits.
+//!
+//! The ray is sheared to the z axis of a frame in which its largest component is z; a vertex shared by
+//! two triangles gets the same image in both, so the sign of an edge function is consistent between them.
+//! Edge functions use plain products, never fused ones: the rounded product is a monotone function of the
+//! exact one, so that an edge value has the right sign or is zero, and zeros are decided in f64, where
+//! products of two f32 are exact.
+
+use super::{PrimitiveId, Triangle};
+use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s};
+
+/// A ray prepared for triangle tests.
+#[derive(Debug, Clone, Copy)]
+pub struct ShearRay {
+    origin: [f32; 3],
+    /// Axes taken as x, y and z; z is the direction's largest component.
+    axes: [usize; 3],
+    /// x and y per z, and the reciprocal of z.
+    shear: [f32; 3],
+}
+
+impl ShearRay {
+    /// Prepares the ray. A direction of zero or with NaN gives a ray that hits nothing.
+    #[inline]
+    pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
+        let size = direction.map(f32::abs);
+        let z = if size[0] > size[1] {
+            if size[0] > size[2] { 0 } else { 2 }
+        } else if size[1] > size[2] {
+            1
+        } else {
+            2
+        };
+        let x = (z + 1) % 3;
+        let y = (x + 1) % 3;
+        let shear = [
+            direction[x] / direction[z],
+            direction[y] / direction[z],
+            1.0 / direction[z],
+        ];
+        Self {
+            origin,
+            axes: [x, y, z],
+            shear,
+        }
+    }
+
+    /// Distance, > 0, at which the ray meets the triangle from either side.
+    #[inline]
+    pub fn intersect(&self, triangle: &Triangle) -> Option<f32> {
+        let [a, b, c] = triangle.corners.map(|corner| self.project(corner));
+        let u = b[0] * c[1] - b[1] * c[0];
+        let v = c[0] * a[1] - c[1] * a[0];
+        let w = a[0] * b[1] - a[1] * b[0];
+        if u == 0.0 || v == 0.0 || w == 0.0 {
+            return intersect_projected_f64([a, b, c]);
+        }
+        let inside = (u > 0.0 && v > 0.0 && w > 0.0) || (u < 0.0 && v < 0.0 && w < 0.0);
+        let scale = 1.0 / (u + v + w);
+        let t = (u * scale) * a[2] + (v * scale) * b[2] + (w * scale) * c[2];
+        (inside && t > 0.0 && t < f32::INFINITY).then_some(t)
+    }
+
+    /// Image of a point: x and y across the ray, z the distance along it.
+    #[inline]
+    fn project(&self, point: [f32; 3]) -> [f32; 3] {
+        let [kx, ky, kz] = self.axes;
+        let z = point[kz] - self.origin[kz];
+        [
+            (point[kx] - self.origin[kx]) - self.shear[0] * z,
+            (point[ky] - self.origin[ky]) - self.shear[1] * z,
+            self.shear[2] * z,
+        ]
+    }
+
+    /// Lanes of the pack that the ray hits, and their distances, > 0 (undefined in other lanes).
+    #[inline]
+    pub fn intersect_pack(&self, pack: &TrianglePack) -> (Mask, F32s) {
+        let [a, b, c] = [0, 1, 2].map(|corner| self.project_pack(&pack.corners[corner]));
+        let u = b[0] * c[1] - b[1] * c[0];
+        let v = c[0] * a[1] - c[1] * a[0];
+        let w = a[0] * b[1] - a[1] * b[0];
+        let zero = F32s::splat(0.0);
+        let positive = u.gt(zero) & v.gt(zero) & w.gt(zero);
+        let negative = u.lt(zero) & v.lt(zero) & w.lt(zero);
+        let undecided = Compare::eq(u, zero) | Compare::eq(v, zero) | Compare::eq(w, zero);
+        if (positive | negative | undecided).none() {
+            return (Mask::NONE, zero);
+        }
+        let scale = F32s::splat(1.0) / (u + v + w);
+        let t = (u * scale) * a[2] + (v * scale) * b[2] + (w * scale) * c[2];
+        let hit = (positive | negative) & t.gt(zero) & t.lt(F32s::splat(f32::INFINITY));
+        if undecided.none() {
+            return (hit, t);
+        }
+        decide_in_f64(hit, t, undecided, [a, b, c])
+    }
+
+    #[inline(always)]
+    fn project_pack(&self, corner: &[F32s; 3]) -> [F32s; 3] {
+        let [kx, ky, kz] = self.axes;
+        let z = corner[kz] - F32s::splat(self.origin[kz]);
+        [
+            (corner[kx] - F32s::splat(self.origin[kx])) - F32s::splat(self.shear[0]) * z,
+            (corner[ky] - F32s::splat(self.origin[ky])) - F32s::splat(self.shear[1]) * z,
+            F32s::splat(self.shear[2]) * z,
+        ]
+    }
+}
+
+/// Replaces the answer of the undecided lanes.
+#[cold]
+fn decide_in_f64(mut hit: Mask, t: F32s, undecided: Mask, corners: [[F32s; 3]; 3]) -> (Mask, F32s) {
+    let corners = corners.map(|corner| corner.map(F32s::to_array));
+    let mut distances = t.to_array();
+    for lane in undecided.lanes() {
+        let bit = Mask(1 << lane);
+        match intersect_projected_f64(corners.map(|corner| corner.map(|component| component[lane])))
+        {
+            Some(distance) => {
+                distances[lane] = distance;
+                hit = hit | bit;
+            }
+            None => hit = hit & !bit,
+        }
+    }
+    (hit, F32s::from(distances))
+}
+
+/// The test with edge functions of exact sign; points exactly on an edge are inside.
+#[cold]
+fn intersect_projected_f64(corners: [[f32; 3]; 3]) -> Option<f32> {
+    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
+    let u = b[0] * c[1] - b[1] * c[0];
+    let v = c[0] * a[1] - c[1] * a[0];
+    let w = a[0] * b[1] - a[1] * b[0];
+    let inside = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
+    let determinant = u + v + w;
+    if !inside || determinant == 0.0 {
+        return None;
+    }
+    let t = ((u * a[2] + v * b[2] + w * c[2]) / determinant) as f32;
+    (t > 0.0 && t < f32::INFINITY).then_some(t)
+}
+
+/// [`LANES`] triangles, corner by corner and axis by axis, so that a ray permutes axes by choosing arrays.
+#[derive(Debug, Clone, Copy)]
+pub struct TrianglePack {
+    /// `corners[corner][axis]`; NaN in lanes without a triangle, which are never hit.
+    pub corners: [[F32s; 3]; 3],
+    /// Primitive ids, [`PrimitiveId::NONE`] in lanes without a triangle.
+    pub ids: U32s,
+}
+
+impl TrianglePack {
+    /// Packs up to [`LANES`] triangles with their ids.
+    ///
+    /// # Panics
+    /// If there are more.
+    pub fn new(triangles: impl IntoIterator<Item = (u32, Triangle)>) -> Self {
+        let mut corners = [[[f32::NAN; LANES]; 3]; 3];
+        let mut ids = [PrimitiveId::NONE; LANES];
+        for (lane, (id, triangle)) in triangles.into_iter().enumerate() {
+            ids[lane] = id;
+            for (corner, columns) in corners.iter_mut().enumerate() {
+                for (axis, column) in columns.iter_mut().enumerate() {
+                    column[lane] = triangle.corners[corner][axis];
+                }
+            }
+        }
+        Self {
+            corners: corners.map(|corner| corner.map(F32s::from)),
+            ids: U32s::from(ids),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::testing::Rng;
+
+    #[test]
+    fn the_pack_gives_the_same_bits_as_the_single_test() {
+        let mut rng = Rng(1);
+        let mut hits = 0;
+        for round in 0..20_000 {
+            // Rounds on a small integer grid meet edges and corners exactly.
+            let grid = round % 2 == 0;
+            let mut coordinate = |scale: f32| {
+                let x = (rng.uniform() - 0.5) * scale;
+                if grid { (x * 2.0).round() } else { x }
+            };
+            let mut point = |scale| [coordinate(scale), coordinate(scale), coordinate(scale)];
+            let triangles: Vec<Triangle> = (0..LANES - 1)
+                .map(|_| Triangle {
+                    corners: [point(8.0), point(8.0), point(8.0)],
+                })
+                .collect();
+            let ray = ShearRay::new(point(6.0), point(2.0));
+            let pack = TrianglePack::new(triangles.iter().enumerate().map(|(i, t)| (i as u32, *t)));
+            let (mask, t) = ray.intersect_pack(&pack);
+            for (lane, triangle) in triangles.iter().enumerate() {
+                let single = ray.intersect(triangle);
+                assert_eq!(single.is_some(), mask.test(lane));
+                if let Some(single) = single {
+                    assert_eq!(single.to_bits(), t.to_array()[lane].to_bits());
+                    hits += 1;
+                }
+            }
+            assert!(
+                !mask.test(LANES - 1),
+                "the lane without a triangle is never hit"
+            );
+        }
+        assert!(hits > 5_000, "{hits} hits are too few to compare");
+    }
+
+    #[test]
+    fn a_unit_triangle_is_hit_from_both_sides_at_the_right_distance() {
+        let triangle = Triangle {
+            corners: [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        };
+        assert_eq!(
+            ShearRay::new([0.25, 0.25, 3.0], [0.0, 0.0, -1.0]).intersect(&triangle),
+            Some(3.0)
+        );
+        assert_eq!(
+            ShearRay::new([0.25, 0.25, -2.0], [-0.0, 0.0, 1.0]).intersect(&triangle),
+            Some(2.0)
+        );
+        assert_eq!(
+            ShearRay::new([0.25, 0.25, -2.0], [0.0, 0.0, -1.0]).intersect(&triangle),
+            None
+        );
+        assert_eq!(
+            ShearRay::new([0.75, 0.75, 3.0], [0.0, 0.0, -1.0]).intersect(&triangle),
+            None
+        );
+        assert_eq!(
+            ShearRay::new([0.5, 0.0, 3.0], [0.0, 0.0, -1.0]).intersect(&triangle),
+            Some(3.0),
+            "on an edge"
+        );
+        assert_eq!(
+            ShearRay::new([0.25, 0.25, 0.0], [0.0, 0.0, -1.0]).intersect(&triangle),
+            None,
+            "starts on it"
+        );
+    }
+
+    #[test]
+    fn rays_and_triangles_with_nan_or_infinity_miss() {
+        let triangle = Triangle {
+            corners: [[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [0.0, 9.0, 0.0]],
+        };
+        let good = ([0.0, 0.0, 3.0], [0.0, 0.0, -1.0]);
+        assert!(ShearRay::new(good.0, good.1).intersect(&triangle).is_some());
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for axis in 0..3 {
+                let mut origin = good.0;
+                origin[axis] = bad;
+                assert_eq!(ShearRay::new(origin, good.1).intersect(&triangle), None);
+                let mut direction = good.1;
+                direction[axis] = bad;
+                assert_eq!(ShearRay::new(good.0, direction).intersect(&triangle), None);
+                let mut broken = triangle;
+                broken.corners[1][axis] = bad;
+                assert_eq!(ShearRay::new(good.0, good.1).intersect(&broken), None);
+            }
+        }
+        assert_eq!(ShearRay::new(good.0, [0.0; 3]).intersect(&triangle), None);
+    }
+
+    /// Needles seen under grazing angles from far away, against f64 on the same f32 inputs.
+    #[test]
+    fn needles_at_grazing_angles_are_never_hit_beside_themselves() {
+        let mut rng = Rng(23);
+        let mut worst = 0f32;
+        let mut hits = 0;
+        for aspect in [1.0f32, 1e3, 1e5] {
+            for angle in [30f32, 0.5, 0.01] {
+                for _ in 0..5_000 {
+                    let turn = rng.rotation();
+                    let place =
+                        |p: [f32; 3]| turn.map(|row| row[0] * p[0] + row[1] * p[1] + row[2] * p[2]);
+                    let corners = [
+                        place([0.0, 0.0, 0.0]),
+                        place([10.0, 0.0, 0.0]),
+                        place([5.0, 10.0 / aspect, 0.0]),
+                    ];
+                    let (b1, b2) = rng.barycentrics();
+                    let target = [0, 1, 2].map(|k| {
+                        corners[0][k] * (1.0 - b1 - b2) + corners[1][k] * b1 + corners[2][k] * b2
+                    });
+                    let (sin, cos) = angle.to_radians().sin_cos();
+                    let azimuth = rng.uniform() * std::f32::consts::TAU;
+                    let d = place([azimuth.cos() * cos, azimuth.sin() * cos, sin]);
+                    let origin = [0, 1, 2].map(|k| target[k] - 100.0 * d[k]);
+                    if let Some(t) = ShearRay::new(origin, d).intersect(&Triangle { corners }) {
+                        hits += 1;
+                        worst = worst.max((t - 100.0).abs());
+                    }
+                }
+            }
+        }
+        assert!(hits > 20_000);
+        assert!(
+            worst <= 10.0,
+            "a hit lies {worst} from its point on a triangle of size 10"
+        );
+    }
+}
