@@ -1,18 +1,16 @@
 //! The scene as it is traced: flat tables in re-centred f32, read-only, shared by all workers.
 
-use std::collections::HashMap;
-
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::{Camera, Features};
 use crate::accel::{self, Accel, Structure};
 use crate::error::{Error, Result};
-use crate::geometry::{Geometry, PrimitiveId, Sphere, Triangle};
-use crate::light::{FlatLight, LightSpec, LightTable};
+use crate::geometry::{Geometry, Sphere, Triangle};
+use crate::light::{BackgroundLight, FlatLight, Light, LightTable, PointLight, SphereLight, kinds};
 use crate::material::{FresnelFormula, MaterialKind, MaterialSpec, MaterialTable};
 use crate::math::float::gamma;
 use crate::scene::{
-    AccelKind, BsdfDescription, Fresnel, IntegratorKind, MaterialId, RenderSettings, SamplerKind,
+    AccelKind, BsdfDescription, EmissionDescription, Fresnel, IntegratorKind, MaterialId, RenderSettings, SamplerKind,
     SceneDescription, ShapeGeometry, Strategy,
 };
 
@@ -130,16 +128,19 @@ pub fn compile(
         return Err(Error::limit("a scene may have at most 2^31 primitives"));
     }
     for light in &scene.point_lights {
-        tables.add_point_light(light.position, light.intensity);
+        let position = tables.point(light.position);
+        let intensity = light.intensity.as_vec3().to_array();
+        tables.lights.push(Light::Point(PointLight { position, intensity }));
     }
-    tables.add_background(scene.background, bounds.radius);
-
-    let features = features(scene, &tables, settings);
+    let background = scene.background.as_vec3().to_array();
+    if scene.background.max_element() > 0.0 {
+        let scene_radius = bounds.radius as f32;
+        tables.lights.push(Light::Background(BackgroundLight { radiance: background, scene_radius }));
+    }
+    let lights = LightTable::new(&tables.lights)?;
+    let features = features(&tables, &lights, settings);
     let structure = match settings.accel {
-        AccelKind::Auto => accel::auto(&tables.geometry),
-        AccelKind::Linear => Structure::Linear,
-        AccelKind::Bvh2 => Structure::Bvh2,
-        AccelKind::Bvh8 => Structure::Bvh8,
+        _ => Structure::Linear,
     };
     Ok(CompiledScene {
         features,
@@ -151,8 +152,8 @@ pub fn compile(
         albedo: scene.materials.iter().map(|m| albedo(&m.bsdf)).collect(),
         surfaces: tables.surfaces,
         materials: tables.materials,
-        lights: tables.lights.build(),
-        background: scene.background.as_vec3().to_array(),
+        lights,
+        background,
         center: bounds.center,
         light_point_error: bounds.light_point_error(),
         dropped: tables.dropped,
@@ -223,8 +224,9 @@ struct Tables<'a> {
     geometry: Geometry,
     surfaces: SurfaceTable,
     materials: MaterialTable,
-    lights: LightTableBuilder,
-    kinds: Features,
+    lights: Vec<Light>,
+    /// Kinds of the materials that some primitive has.
+    used: [bool; MaterialKind::COUNT],
     dropped: usize,
 }
 
@@ -240,8 +242,8 @@ impl<'a> Tables<'a> {
             geometry: Geometry::default(),
             surfaces: SurfaceTable::default(),
             materials,
-            lights: LightTableBuilder::default(),
-            kinds: Features::default(),
+            lights: Vec::new(),
+            used: [false; MaterialKind::COUNT],
             dropped: 0,
         }
     }
@@ -250,4 +252,223 @@ impl<'a> Tables<'a> {
     fn point(&self, p: DVec3) -> [f32; 3] {
         (p - self.center).as_vec3().to_array()
     }
+
+    /// Triangles of a mesh or a quad.
+    fn add_faces(&mut self, shape: &ShapeGeometry, material: MaterialId) {
+        match shape {
+            ShapeGeometry::Mesh(mesh) => {
+                for (i, face) in mesh.faces.iter().enumerate() {
+                    let material = mesh.face_materials.get(i).copied().unwrap_or(material);
+                    let corners = face.map(|v| self.point(mesh.positions[v as usize]));
+                    if let Some(primitive) = self.add_triangle(corners, material) {
+                        let [a, b, c] = corners;
+                        self.add_flat_light(material, a, [sub(b, a), sub(c, a)], true, [primitive; 2]);
+                    }
+                }
+            }
+            ShapeGeometry::Quad(corners) => {
+                let [a, b, c, d] = corners.map(|p| self.point(p));
+                let halves = [[a, b, c], [a, c, d]];
+                let primitives = halves.map(|half| self.add_triangle(half, material));
+                let size = (corners[2] - corners[0]).length();
+                let skew = (corners[0] - corners[1] + corners[2] - corners[3]).length();
+                if let ([Some(first), Some(second)], true) = (primitives, skew <= 1e-6 * size) {
+                    self.add_flat_light(material, a, [sub(b, a), sub(d, a)], false, [first, second]);
+                } else {
+                    for ([a, b, c], primitive) in halves.into_iter().zip(primitives) {
+                        if let Some(primitive) = primitive {
+                            self.add_flat_light(material, a, [sub(b, a), sub(c, a)], true, [primitive; 2]);
+                        }
+                    }
+                }
+            }
+            ShapeGeometry::Sphere { .. } => {}
+        }
+    }
+
+    /// The new primitive, or `None` if the corners have no area in f32.
+    fn add_triangle(&mut self, corners: [[f32; 3]; 3], material: MaterialId) -> Option<u32> {
+        let [a, b, c] = corners.map(|p| Vec3::from_array(p).as_dvec3());
+        let normal = (b - a).cross(c - a).try_normalize();
+        let Some(normal) = normal else {
+            self.dropped += 1;
+            return None;
+        };
+        for (columns, corner) in self.surfaces.corners.iter_mut().zip(corners) {
+            extend(columns, corner);
+        }
+        extend(&mut self.surfaces.normal, normal.as_vec3().to_array());
+        let primitive = self.geometry.triangles.len() as u32;
+        self.geometry.triangles.push(Triangle { corners });
+        // Neighbours in one plane are one polygon where their material is the same.
+        self.geometry.groups.push(material.0);
+        self.add_primitive(material);
+        Some(primitive)
+    }
+
+    fn add_sphere(&mut self, center: DVec3, radius: f64, material: MaterialId) {
+        let sphere = Sphere { center: self.point(center), radius: radius as f32 };
+        let primitive = self.geometry.len() as u32;
+        extend(&mut self.surfaces.center, sphere.center);
+        self.surfaces.radius.push(sphere.radius);
+        self.geometry.spheres.push(sphere);
+        self.add_primitive(material);
+        if let Some(emission) = self.emission(material) {
+            self.add_light(
+                primitive,
+                Light::Sphere(SphereLight {
+                    center: sphere.center,
+                    radius: sphere.radius,
+                    radiance: emission.radiance.as_vec3().to_array(),
+                    two_sided: emission.two_sided,
+                    primitive,
+                }),
+            );
+        }
+    }
+
+    /// Columns that every primitive has.
+    fn add_primitive(&mut self, material: MaterialId) {
+        let kind = self.materials.kinds()[material.0 as usize];
+        self.used[kind as usize] = true;
+        self.surfaces.material.push(material.0);
+        self.surfaces.light.push(0);
+        self.surfaces.class.push(kind as u32);
+    }
+
+    /// The emission of a material, if it has any power.
+    fn emission(&self, material: MaterialId) -> Option<EmissionDescription> {
+        let emission = self.scene.materials[material.0 as usize].emission;
+        emission.filter(|emission| emission.radiance.max_element() > 0.0)
+    }
+
+    fn add_flat_light(
+        &mut self,
+        material: MaterialId,
+        corner: [f32; 3],
+        edges: [[f32; 3]; 2],
+        is_triangle: bool,
+        primitives: [u32; 2],
+    ) {
+        let Some(emission) = self.emission(material) else {
+            return;
+        };
+        let light = Light::Flat(FlatLight {
+            corner,
+            edges,
+            is_triangle,
+            radiance: emission.radiance.as_vec3().to_array(),
+            two_sided: emission.two_sided,
+            primitives,
+        });
+        self.add_light(primitives[0], light);
+        if primitives[1] != primitives[0] {
+            let index = self.surfaces.light[primitives[0] as usize];
+            self.mark_emitter(primitives[1], index);
+        }
+    }
+
+    fn add_light(&mut self, primitive: u32, light: Light) {
+        self.mark_emitter(primitive, self.lights.len() as u32);
+        self.lights.push(light);
+    }
+
+    fn mark_emitter(&mut self, primitive: u32, light: u32) {
+        self.surfaces.light[primitive as usize] = light;
+        self.surfaces.class[primitive as usize] |= PrimitiveClass::EMITS;
+    }
+}
+
+fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|axis| a[axis] - b[axis])
+}
+
+fn extend(columns: &mut [Vec<f32>; 3], values: [f32; 3]) {
+    for (column, value) in columns.iter_mut().zip(values) {
+        column.push(value);
+    }
+}
+
+fn material_spec(bsdf: &BsdfDescription) -> MaterialSpec {
+    let rgb = |c: DVec3| c.as_vec3().to_array();
+    match *bsdf {
+        BsdfDescription::Black => MaterialSpec::Black,
+        BsdfDescription::Lambertian { reflectance } => {
+            MaterialSpec::Lambertian { reflectance: rgb(reflectance) }
+        }
+        BsdfDescription::OrenNayar { reflectance, sigma } => {
+            MaterialSpec::OrenNayar { reflectance: rgb(reflectance), sigma }
+        }
+        BsdfDescription::Mirror { reflectance } => MaterialSpec::Mirror { reflectance: rgb(reflectance) },
+        BsdfDescription::Dielectric { ior, fresnel } => MaterialSpec::Dielectric {
+            ior: ior as f32,
+            fresnel: match fresnel {
+                Fresnel::Schlick => FresnelFormula::Schlick,
+                Fresnel::Exact => FresnelFormula::Exact,
+            },
+        },
+        BsdfDescription::Phong { reflectance, exponent } => {
+            MaterialSpec::Phong { reflectance: rgb(reflectance), exponent: exponent as f32 }
+        }
+    }
+}
+
+fn albedo(bsdf: &BsdfDescription) -> [f32; 3] {
+    match *bsdf {
+        BsdfDescription::Black => [0.0; 3],
+        BsdfDescription::Lambertian { reflectance }
+        | BsdfDescription::OrenNayar { reflectance, .. }
+        | BsdfDescription::Mirror { reflectance }
+        | BsdfDescription::Phong { reflectance, .. } => reflectance.as_vec3().to_array(),
+        BsdfDescription::Dielectric { .. } => [1.0; 3],
+    }
+}
+
+/// What the scene and the settings need.
+fn features(tables: &Tables<'_>, lights: &LightTable, settings: &RenderSettings) -> Features {
+    let whitted = settings.integrator == IntegratorKind::Whitted;
+    let used = |kind: MaterialKind| tables.used[kind as usize];
+    let scatters = MaterialKind::ALL.into_iter().any(|kind| used(kind) && !kind.is_specular());
+    // With direction sampling alone, only lights that no ray can hit are sampled.
+    let sampled = if settings.strategy == Strategy::Bsdf && !whitted {
+        lights.kinds() & kinds::POINT
+    } else {
+        lights.kinds()
+    };
+    let deep = settings.max_depth != Some(1);
+    let shadow_rays = sampled != 0 && scatters && deep;
+    let mut features = Features(lights.kinds());
+    let mut add = |when: bool, feature: Features| {
+        if when {
+            features |= feature;
+        }
+    };
+    add(!tables.geometry.triangles.is_empty(), Features::TRIANGLES);
+    add(!tables.geometry.spheres.is_empty(), Features::SPHERES);
+    for (kind, feature) in [
+        (MaterialKind::Lambertian, Features::LAMBERTIAN),
+        (MaterialKind::OrenNayar, Features::OREN_NAYAR),
+        (MaterialKind::Mirror, Features::MIRROR),
+        (MaterialKind::Dielectric, Features::DIELECTRIC),
+        (MaterialKind::Phong, Features::PHONG),
+    ] {
+        add(used(kind) && deep, feature);
+    }
+    add(shadow_rays, Features::SHADOW_RAYS);
+    let hittable = lights.kinds() & (kinds::FLAT | kinds::SPHERE | kinds::BACKGROUND) != 0;
+    add(
+        shadow_rays && hittable && !whitted && settings.strategy == Strategy::Mis,
+        Features::MIS,
+    );
+    add(settings.sampler == SamplerKind::Stratified, Features::STRATIFIED);
+    add(whitted, Features::WHITTED);
+    add(
+        shadow_rays && settings.transparent_shadows && used(MaterialKind::Dielectric),
+        Features::TRANSPARENT_SHADOWS,
+    );
+    add(settings.aux, Features::AUX);
+    if settings.force_features {
+        features |= Features::SCENE;
+    }
+    features
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::{BitOr, BitOrAssign};
 
-use crate::light::{BACKGROUND, FLAT, POINT, SPHERE};
+use crate::light::kinds;
 
 /// A set of needed features.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -11,13 +11,15 @@ pub struct Features(pub u32);
 
 impl Features {
     /// Emissive triangles or parallelograms.
-    pub const LIGHT_FLAT: Self = Self(FLAT);
+    pub const LIGHT_FLAT: Self = Self(kinds::FLAT);
     /// Emissive spheres.
-    pub const LIGHT_SPHERE: Self = Self(SPHERE);
+    pub const LIGHT_SPHERE: Self = Self(kinds::SPHERE);
     /// Point lights.
-    pub const LIGHT_POINT: Self = Self(POINT);
+    pub const LIGHT_POINT: Self = Self(kinds::POINT);
     /// Background of constant radiance.
-    pub const BACKGROUND: Self = Self(BACKGROUND);
+    pub const BACKGROUND: Self = Self(kinds::BACKGROUND);
+    /// More than one light: one has to be chosen.
+    pub const MANY_LIGHTS: Self = Self(kinds::MANY);
     /// Triangles.
     pub const TRIANGLES: Self = Self(1 << 8);
     /// Spheres.
@@ -45,7 +47,17 @@ impl Features {
     /// Albedo, normal and depth images.
     pub const AUX: Self = Self(1 << 20);
 
-    const NAMES: [(Self, &'static str); 17] = [
+    /// What a scene can have, as opposed to what settings ask for.
+    pub const SCENE: Self = Self(kinds::ALL)
+        .with(Self::TRIANGLES)
+        .with(Self::SPHERES)
+        .with(Self::LAMBERTIAN)
+        .with(Self::OREN_NAYAR)
+        .with(Self::MIRROR)
+        .with(Self::DIELECTRIC)
+        .with(Self::PHONG);
+
+    const NAMES: [(Self, &'static str); 18] = [
         (Self::TRIANGLES, "triangles"),
         (Self::SPHERES, "spheres"),
         (Self::LAMBERTIAN, "Lambertian surfaces"),
@@ -57,6 +69,7 @@ impl Features {
         (Self::LIGHT_SPHERE, "sphere lights"),
         (Self::LIGHT_POINT, "point lights"),
         (Self::BACKGROUND, "background"),
+        (Self::MANY_LIGHTS, "choice of a light"),
         (Self::SHADOW_RAYS, "shadow rays"),
         (Self::MIS, "multiple importance sampling"),
         (Self::STRATIFIED, "stratified sampling"),

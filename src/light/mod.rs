@@ -7,7 +7,8 @@
 //! results mean nothing.
 //!
 //! The kernels are compiled for a set of [`kinds`]: what a scene does not have costs it nothing. An
-//! instance for more kinds than the scene has gives the same numbers to the last bit.
+//! instance for more kinds than the scene has gives the same numbers to the last bit. Bits of a set
+//! beyond [`kinds::ALL`] are ignored.
 
 mod background;
 mod choice;
@@ -338,7 +339,7 @@ impl LightSample {
 pub fn sample<const KINDS: u32>(lights: &LightTable, p: Vec3s, n: Vec3s, u: [F32s; 3]) -> LightSample {
     let light = if KINDS & kinds::MANY == 0 { U32s::splat(0) } else { lights.choice.choose(u[0]) };
     let [_, u1, u2] = u;
-    match KINDS & !kinds::MANY {
+    match KINDS & kinds::ALL & !kinds::MANY {
         kinds::FLAT => flat::sample::<KINDS>(lights, light, p, u1, u2),
         kinds::SPHERE => sphere::sample::<KINDS>(lights, light, p, u1, u2),
         kinds::POINT => point::sample::<KINDS>(lights, light, p),
@@ -382,7 +383,7 @@ pub fn pdf<const KINDS: u32>(
     distance: F32s,
 ) -> F32s {
     let zero = F32s::splat(0.0);
-    match KINDS & !kinds::MANY {
+    match KINDS & kinds::ALL & !kinds::MANY {
         kinds::FLAT => pdf_flat::<KINDS>(lights, light, direction, distance),
         kinds::SPHERE => pdf_sphere::<KINDS>(lights, light, p, hit, direction, distance),
         kinds::POINT => zero,

@@ -2,7 +2,7 @@
 //!
 //! It has no parameters.
 
-use super::{BsdfSample, Material, MaterialTable};
+use super::{BsdfSample, Material, MaterialKind, MaterialTable};
 use crate::math::{F32s, Mask, U32s, Vec3s};
 
 /// Absorbs everything.
@@ -11,6 +11,7 @@ pub struct Black;
 
 impl Material for Black {
     const SPECULAR: bool = true;
+    const KIND: MaterialKind = MaterialKind::Black;
     type Params = ();
 
     #[inline(always)]

@@ -22,7 +22,7 @@
 //! Veach 1997, section 5.2 for the factor 1/η².
 
 use super::mirror::reflect;
-use super::{BsdfSample, Material, MaterialTable};
+use super::{BsdfSample, Material, MaterialKind, MaterialTable};
 use crate::math::frame::renormalize;
 use crate::math::{Compare, F32s, Mask, U32s, Vec3s};
 
@@ -174,6 +174,8 @@ impl Dielectric {
 
 impl Material for Dielectric {
     const SPECULAR: bool = true;
+    const TRANSMISSIVE: bool = true;
+    const KIND: MaterialKind = MaterialKind::Dielectric;
     type Params = DielectricParams;
 
     #[inline(always)]
@@ -204,5 +206,21 @@ impl Material for Dielectric {
             eta: reflects.select(one, interface.eta),
             valid: Mask::ALL,
         }
+    }
+
+    #[inline(always)]
+    fn split(params: &DielectricParams, wo: Vec3s) -> Option<[BsdfSample; 2]> {
+        let branches = Self::branches(params, wo);
+        let branch = |wi: Vec3s, weight: F32s, eta: F32s| BsdfSample {
+            wi,
+            weight: Vec3s::new(weight, weight, weight),
+            pdf: F32s::splat(0.0),
+            eta,
+            valid: weight.gt(F32s::splat(0.0)),
+        };
+        Some([
+            branch(branches.reflected, branches.reflectance, F32s::splat(1.0)),
+            branch(branches.refracted, branches.transmission_weight, branches.eta),
+        ])
     }
 }

@@ -9,7 +9,7 @@
 //! Source: J. H. Lambert, "Photometria", 1760; Pharr, Jakob, Humphreys, "Physically Based
 //! Rendering", 4th ed., section 9.2.
 
-use super::{BsdfSample, Material, MaterialTable};
+use super::{BsdfSample, Material, MaterialKind, MaterialTable};
 use crate::math::warp::{cosine_hemisphere, cosine_hemisphere_pdf};
 use crate::math::{F32s, Mask, U32s, Vec3s};
 
@@ -26,6 +26,7 @@ pub struct LambertianParams {
 
 impl Material for Lambertian {
     const SPECULAR: bool = false;
+    const KIND: MaterialKind = MaterialKind::Lambertian;
     type Params = LambertianParams;
 
     #[inline(always)]

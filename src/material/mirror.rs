@@ -6,7 +6,7 @@
 //!
 //! One delta lobe in the direction (−x, −y, z).
 
-use super::{BsdfSample, Material, MaterialTable};
+use super::{BsdfSample, Material, MaterialKind, MaterialTable};
 use crate::math::frame::renormalize;
 use crate::math::{F32s, Mask, U32s, Vec3s};
 
@@ -29,6 +29,7 @@ pub(super) fn reflect(wo: Vec3s) -> Vec3s {
 
 impl Material for Mirror {
     const SPECULAR: bool = true;
+    const KIND: MaterialKind = MaterialKind::Mirror;
     type Params = MirrorParams;
 
     #[inline(always)]

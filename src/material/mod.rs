@@ -44,6 +44,10 @@ pub struct BsdfSample {
 pub trait Material {
     /// All lobes are deltas (or none exist): there is nothing to evaluate and no light to sample.
     const SPECULAR: bool;
+    /// Light passes: `wo` and `wi` may lie on either side, and z is the outward normal.
+    const TRANSMISSIVE: bool = false;
+    /// Which kind it is.
+    const KIND: MaterialKind;
     /// Parameters of a lane group of hits.
     type Params: Copy;
 
@@ -57,6 +61,12 @@ pub trait Material {
     /// A direction from three uniform numbers in [0, 1): the first two for the direction within a
     /// lobe, the third for the choice of the lobe.
     fn sample(params: &Self::Params, wo: Vec3s, u: [F32s; 3]) -> BsdfSample;
+
+    /// Both directions that light goes on in, for materials that split it in two.
+    #[inline(always)]
+    fn split(_params: &Self::Params, _wo: Vec3s) -> Option<[BsdfSample; 2]> {
+        None
+    }
 }
 
 /// The kinds of materials.
@@ -86,6 +96,21 @@ impl MaterialKind {
         Self::Dielectric,
         Self::Phong,
     ];
+
+    /// Number of kinds.
+    pub const COUNT: usize = Self::ALL.len();
+
+    /// Name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Black => "black",
+            Self::Lambertian => "Lambertian",
+            Self::OrenNayar => "Oren–Nayar",
+            Self::Mirror => "mirror",
+            Self::Dielectric => "dielectric",
+            Self::Phong => "Phong",
+        }
+    }
 
     /// [`Material::SPECULAR`] of the kind.
     pub const fn is_specular(self) -> bool {

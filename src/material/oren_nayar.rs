@@ -16,7 +16,7 @@
 //! Source: M. Oren, S. K. Nayar, "Generalization of Lambert's Reflectance Model", SIGGRAPH 1994,
 //! equation 30.
 
-use super::{BsdfSample, Material, MaterialTable};
+use super::{BsdfSample, Material, MaterialKind, MaterialTable};
 use crate::math::warp::{cosine_hemisphere, cosine_hemisphere_pdf};
 use crate::math::{F32s, Mask, U32s, Vec3s};
 
@@ -55,6 +55,7 @@ fn azimuthal_term(wo: Vec3s, wi: Vec3s) -> F32s {
 
 impl Material for OrenNayar {
     const SPECULAR: bool = false;
+    const KIND: MaterialKind = MaterialKind::OrenNayar;
     type Params = OrenNayarParams;
 
     #[inline(always)]

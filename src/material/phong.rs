@@ -21,7 +21,7 @@
 use std::f32::consts::PI;
 
 use super::mirror::reflect;
-use super::{BsdfSample, Material, MaterialTable};
+use super::{BsdfSample, Material, MaterialKind, MaterialTable};
 use crate::math::elementary::{
     exp2_and_complement, exp2_nonpositive, log2_one_minus, sin_cos_turns,
 };
@@ -42,6 +42,7 @@ pub struct PhongParams {
 
 impl Material for Phong {
     const SPECULAR: bool = false;
+    const KIND: MaterialKind = MaterialKind::Phong;
     type Params = PhongParams;
 
     #[inline(always)]

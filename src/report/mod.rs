@@ -178,9 +178,7 @@ pub struct DepthReport {
     pub rays: u64,
     /// Shadow rays from hits at this depth.
     pub shadow_rays: u64,
-    /// Passes of the wave loop in which rays of this depth were traced.
-    pub passes: u64,
-    /// Mean share of the wave's slots that rays of this depth held in those passes, in [0, 1].
+    /// Mean share of the wave's slots that held rays of this depth, in [0, 1].
     pub queue_fill: f64,
 }
 
@@ -282,7 +280,7 @@ impl RenderReport {
                 tests_per_ray: ratio(stats.accel_tests as f64, rays as f64),
             },
             stages: stages(stats),
-            depths: depths(&stats.depths, settings.wave),
+            depths: depths(&stats.depths),
             queues: QueueReport {
                 fill: stats.queue_fill,
                 passes: stats.passes,
@@ -318,13 +316,12 @@ fn stages(stats: &RenderStats) -> Vec<StageReport> {
         .collect()
 }
 
-fn depths(depths: &[DepthStats], wave: usize) -> Vec<DepthReport> {
+fn depths(depths: &[DepthStats]) -> Vec<DepthReport> {
     let report = |(index, stats): (usize, &DepthStats)| DepthReport {
         depth: index + 1,
         rays: stats.rays,
         shadow_rays: stats.shadow_rays,
-        passes: stats.passes,
-        queue_fill: ratio(stats.rays as f64, stats.passes as f64 * wave as f64),
+        queue_fill: stats.queue_fill,
     };
     depths.iter().enumerate().map(report).collect()
 }

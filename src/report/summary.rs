@@ -169,13 +169,13 @@ impl RenderReport {
         let mut line = |label: &str, depths: &[DepthReport]| {
             let sum = |count: fn(&DepthReport) -> u64| depths.iter().map(count).sum::<u64>() as f64;
             let rays = sum(|depth| depth.rays);
-            let slots = sum(|depth| depth.passes) * self.settings.wave as f64;
+            let fill = depths.iter().map(|depth| depth.queue_fill).sum();
             writeln!(
                 f,
                 "{label:<14}{:>10}{:>10}{:>10}",
                 quantity(rays),
                 quantity(sum(|depth| depth.shadow_rays)),
-                percent(ratio(rays, slots)),
+                percent(fill),
             )
         };
         for depth in shallow {

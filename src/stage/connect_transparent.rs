@@ -5,7 +5,7 @@ use super::surface::{gather3, material, surface};
 use crate::accel::{HitBatch, RayBatch};
 use crate::compile::{CompiledScene, PrimitiveClass};
 use crate::geometry::spawn_origin;
-use crate::material::{Dielectric, MaterialKind};
+use crate::material::{Dielectric, Material, MaterialKind};
 use crate::math::lanes::{
     F32s, LANES, Mask, U32s, gather_u32, iota, load, load_u32, store, store_u32,
 };
@@ -62,7 +62,8 @@ pub fn connect_transparent<const F: u32>(scene: &CompiledScene, wave: &mut Wave)
             let params = Dielectric::fetch(&scene.materials, material(scene, primitive));
             let passes = Dielectric::transmittance(&params, -direction.dot(normal));
             let origin = spawn_origin(&point, normal, direction);
-            let radiance: Vec3s = radiance * passes;
+            let radiance: Vec3s = radiance * (passes / load(&shadows.weight, at));
+            store(&mut shadows.weight, at, F32s::splat(1.0));
             store(&mut shadows.origin_x, at, origin.x);
             store(&mut shadows.origin_y, at, origin.y);
             store(&mut shadows.origin_z, at, origin.z);

@@ -47,6 +47,7 @@ const IN_CODE: Features = Features::TRIANGLES
     .with(Features::LIGHT_SPHERE)
     .with(Features::LIGHT_POINT)
     .with(Features::BACKGROUND)
+    .with(Features::MANY_LIGHTS)
     .with(Features::DIELECTRIC)
     .with(Features::SHADOW_RAYS)
     .with(Features::MIS)

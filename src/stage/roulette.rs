@@ -2,7 +2,7 @@
 
 use crate::compile::{CompiledScene, Features};
 use crate::math::Compare;
-use crate::math::lanes::{F32s, LANES, Mask, U32s, load, load_u32, store, store_u32};
+use crate::math::lanes::{F32s, LANES, Mask, U32s, load, load_u32};
 use crate::sampler::{BOUNCE_DIMENSIONS, Dimension, Pcg32s};
 use crate::wave::{Wave, state};
 

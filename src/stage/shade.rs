@@ -8,11 +8,10 @@ use crate::compile::{CompiledScene, Features, WorkItem};
 use crate::geometry::{SurfacePoint, spawn_origin};
 use crate::light;
 use crate::material::{BsdfSample, Material};
-use crate::math::frame::Frame;
 use crate::math::lanes::{
     F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, load_u32, store, store_u32,
 };
-use crate::math::{Compare, Vec3s, mis};
+use crate::math::{Compare, Frame, Vec3s, mis};
 use crate::sampler::{BOUNCE_DIMENSIONS, CAMERA_DIMENSIONS, Dimension, Pcg32s, Strata};
 use crate::wave::{COUNTED_DEPTHS, RayQueue, ShadowQueue, Wave, state};
 
@@ -74,7 +73,7 @@ pub fn shade<M: Material, const F: u32>(scene: &CompiledScene, item: &WorkItem, 
             let behind = outward.dot(direction).gt(F32s::splat(0.0));
             Vec3s::select(behind, -outward, outward)
         };
-        let frame = Frame::new(normal);
+        let frame = Frame::from_normal(normal);
         let hits = Hits {
             active,
             primitive,
@@ -116,13 +115,9 @@ pub fn shade<M: Material, const F: u32>(scene: &CompiledScene, item: &WorkItem, 
             if !M::SPECULAR {
                 continue;
             }
-            if M::TRANSMISSIVE {
-                let may_split = (hits.state >> state::SPLIT.trailing_zeros())
-                    .lt(U32s::splat(state::MOST_SPLITS));
-                if may_split.any() {
-                    split::<M, F>(scene, &hits, strata, &params, may_split, &mut wave.next);
-                    continue;
-                }
+            if let Some(branches) = M::split(&params, hits.wo) {
+                follow_both::<M, F>(scene, &hits, strata, &params, &branches, &mut wave.next);
+                continue;
             }
         }
         let sample = M::sample(&params, hits.wo, direction_numbers(&hits, strata));
@@ -130,7 +125,6 @@ pub fn shade<M: Material, const F: u32>(scene: &CompiledScene, item: &WorkItem, 
             scene,
             &hits,
             &sample,
-            hits.active,
             hits.random,
             hits.state,
             &mut wave.next,
@@ -211,6 +205,9 @@ fn sample_light<M: Material, const F: u32>(
     compress(&mut shadows.radiance_g, at, brings, radiance.y);
     compress(&mut shadows.radiance_b, at, brings, radiance.z);
     compress_u32(&mut shadows.path, at, brings, hits.path);
+    if scene.on::<F>(Features::TRANSPARENT_SHADOWS) {
+        compress(&mut shadows.weight, at, brings, weight);
+    }
     shadows.len += brings.count();
     let depth = (hits.state & U32s::splat(state::DEPTH)).to_array();
     for lane in brings.lanes() {
@@ -218,18 +215,20 @@ fn sample_light<M: Material, const F: u32>(
     }
 }
 
-/// Both branches at glass: two rays per hit where splitting is allowed, one chosen at random elsewhere.
+/// Both branches where the path may still split, one chosen at random elsewhere.
 #[inline(always)]
-fn split<M: Material, const F: u32>(
+fn follow_both<M: Material, const F: u32>(
     scene: &CompiledScene,
     hits: &Hits,
     strata: HitStrata,
     params: &M::Params,
-    may_split: Mask,
+    [first, second]: &[BsdfSample; 2],
     next: &mut RayQueue,
 ) {
+    let splits = hits.state >> state::SPLIT.trailing_zeros();
+    let may_split = splits.lt(U32s::splat(state::MOST_SPLITS));
     let single = M::sample(params, hits.wo, direction_numbers(hits, strata));
-    let [first, second] = M::branches(params, hits.wo);
+    let split_state = hits.state + U32s::splat(state::SPLIT);
     let first = BsdfSample {
         wi: Vec3s::select(may_split, first.wi, single.wi),
         weight: Vec3s::select(may_split, first.weight, single.weight),
@@ -237,30 +236,10 @@ fn split<M: Material, const F: u32>(
         eta: may_split.select(first.eta, single.eta),
         valid: (may_split & first.valid) | (!may_split & single.valid),
     };
-    let split_state = hits.state + U32s::splat(state::SPLIT);
     let first_state = may_split.select_u32(split_state, hits.state);
-    continue_path::<M, F>(
-        scene,
-        hits,
-        &first,
-        hits.active,
-        hits.random,
-        first_state,
-        next,
-    );
-    let second = BsdfSample {
-        valid: second.valid & may_split,
-        ..second
-    };
-    continue_path::<M, F>(
-        scene,
-        hits,
-        &second,
-        hits.active,
-        hits.random.branch(),
-        split_state,
-        next,
-    );
+    continue_path::<M, F>(scene, hits, &first, hits.random, first_state, next);
+    let second = BsdfSample { valid: second.valid & may_split, ..*second };
+    continue_path::<M, F>(scene, hits, &second, hits.random.branch(), split_state, next);
 }
 
 /// Appends the next ray of each active lane; `random` stands at the hit's first dimension.
@@ -269,7 +248,6 @@ fn continue_path<M: Material, const F: u32>(
     scene: &CompiledScene,
     hits: &Hits,
     sample: &BsdfSample,
-    active: Mask,
     random: Pcg32s,
     path_state: U32s,
     next: &mut RayQueue,
@@ -285,7 +263,7 @@ fn continue_path<M: Material, const F: u32>(
         path_state & U32s::splat(!(state::SPECULAR | state::THROUGH_GLASS | state::UNREFLECTED));
     let history = if M::TRANSMISSIVE {
         let zero = F32s::splat(0.0);
-        let crossed = sample.wi.z.lt(zero) ^ hits.wo.z.lt(zero);
+        let crossed = Mask(sample.wi.z.lt(zero).0 ^ hits.wo.z.lt(zero).0);
         let through = crossed & has(path_state, state::UNREFLECTED);
         through.select_u32(
             U32s::splat(state::SPECULAR | state::THROUGH_GLASS | state::UNREFLECTED),
@@ -310,5 +288,5 @@ fn continue_path<M: Material, const F: u32>(
         store(&mut next.normal_y, at, hits.normal.y);
         store(&mut next.normal_z, at, hits.normal.z);
     }
-    next.len += active.count();
+    next.len += hits.active.count();
 }

@@ -31,7 +31,7 @@ pub fn shade_emission<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
             let shared = mis::power_heuristic(gather(&rays.pdf, ray), light_pdf);
             weight = is_specular(ray_state).select(weight, shared);
         }
-        let emitted: Vec3s = light::emitted(&scene.lights, light, -direction.dot(normal));
+        let emitted: Vec3s = light::emitted::<F>(&scene.lights, light, -direction.dot(normal));
         let radiance = gather_throughput(rays, ray).mul_elem(emitted) * weight;
         let path = gather_u32(&rays.path, ray);
         add_radiance(

@@ -101,6 +101,9 @@ soa! {
         radiance_b: f32;
         /// Path number within the work item.
         path: u32;
+        /// Weight against direction sampling that `radiance` contains: undone for light through glass,
+        /// which shadow rays alone may bring.
+        weight: f32, if Features::TRANSPARENT_SHADOWS;
         /// 1 where something is in the way.
         occluded: u32;
     }
