@@ -203,7 +203,8 @@ mod tests {
                 // Moments of the direction, from samples and by a uniform quadrature of the pdf.
                 let moments = |w: DVec3| [1.0, w.x, w.y, w.z, w.z * w.z, w.x * w.y];
                 let mut exact = [0.0; 6];
-                let (rows, columns) = (400, 400);
+                // The error of the midpoint rule at the pole, where cos⁴⁰ is steepest, is 1e-4.
+                let (rows, columns) = (1600, 100);
                 for row in 0..rows {
                     let z = 1.0 - 2.0 * (f64::from(row) + 0.5) / f64::from(rows);
                     for column in 0..columns {
