@@ -1,0 +1,212 @@
+//! The yardstick: the same pictures by the plainest means.
+//!
+//! One ray at a time, against every object one after the other, in f64; materials and lights are
+//! written for this module alone and share nothing with the kernels of the wavefront. What is
+//! computed, and what the wavefront computes as well:
+//!
+//! - A path has segments; the camera ray is segment 1. At a hit of segment n light is sampled and
+//!   the path goes on, both as segment n + 1, while that is within the depth limit.
+//! - Surfaces scatter on both sides. The geometric normal matters for glass, which it points out
+//!   of, and for one-sided emission.
+//! - Radiance that crosses into glass is scaled by the squared ratio of the refraction indices.
+//! - Russian roulette ends paths from a chosen depth on, whatever scatters.
+//! - With transparent shadows a shadow ray goes straight through glass and loses at each crossing
+//!   what would be reflected there. Light found by refraction alone after a surface that sampled
+//!   this light would be counted twice, and is dropped; what came through glass is in turn
+//!   found by shadow rays alone and gets their full weight. The result is biased.
+//!
+//! Random numbers are independent for every sample, also where the settings ask for strata, and
+//! independent from those of the wavefront: the expectation of the picture is the same, and two
+//! pictures can be compared by statistics.
+
+mod bsdf;
+mod direct;
+mod flatten;
+mod light;
+mod path;
+mod primitives;
+mod random;
+mod specular;
+mod warp;
+mod whitted;
+
+use glam::DVec3;
+
+use self::flatten::{Surface, Tables};
+use self::light::{Lights, Vertex};
+use self::primitives::{Hit, POSITION_ERROR, PatchId, Primitives, Ray};
+use self::random::Random;
+use crate::error::{Error, Result};
+use crate::scene::{IntegratorKind, RenderSettings, SceneDescription, Strategy};
+
+/// Largest survival probability of roulette: even between perfect mirrors a path ends some time.
+const MAX_SURVIVAL: f64 = 0.99;
+
+/// A scene ready to be rendered from one camera; read-only.
+#[derive(Debug)]
+pub struct Reference {
+    /// Eye, top left corner, right and down edge of the image plane.
+    camera: [DVec3; 4],
+    resolution: [u32; 2],
+    primitives: Primitives,
+    /// One per primitive.
+    surfaces: Vec<Surface>,
+    background: DVec3,
+    lights: Lights,
+    /// The light that is the background, if shadow rays look for it.
+    background_light: Option<usize>,
+    whitted: bool,
+    strategy: Strategy,
+    seed: u64,
+    max_depth: u32,
+    roulette_depth: u32,
+    transparent_shadows: bool,
+}
+
+/// Rays traced and paths cut short.
+#[derive(Default, Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RayCounts {
+    /// Rays from the camera.
+    pub camera: u64,
+    /// Closest-hit rays after the first of each path.
+    pub bounce: u64,
+    /// Rays towards lights.
+    pub shadow: u64,
+    /// Paths that the depth limit ended at a surface that would have scattered.
+    pub truncated: u64,
+}
+
+impl Reference {
+    /// Prepares `scene` as seen by `scene.cameras[camera]` on a film of this size.
+    ///
+    /// [`IntegratorKind::Whitted`] renders Whitted's method, every other kind path tracing.
+    ///
+    /// # Errors
+    /// If the camera does not exist, the film is empty, an index in the scene is out of range, or
+    /// there are 2³² primitives.
+    pub fn new(
+        scene: &SceneDescription,
+        camera: usize,
+        width: u32,
+        height: u32,
+        settings: &RenderSettings,
+    ) -> Result<Self> {
+        let camera = scene
+            .cameras
+            .get(camera)
+            .ok_or_else(|| Error::usage(format!("the scene has no camera number {camera}")))?;
+        if width == 0 || height == 0 {
+            return Err(Error::usage("the film has no pixels"));
+        }
+        let whitted = settings.integrator == IntegratorKind::Whitted;
+        // Direction sampling finds all lights but those without a surface.
+        let samples_surfaces = whitted || settings.strategy != Strategy::Bsdf;
+
+        let Tables {
+            primitives,
+            surfaces,
+            lights,
+            background_light,
+        } = flatten::flatten(scene, samples_surfaces)?;
+        Ok(Self {
+            camera: camera.projection.plane(width, height),
+            resolution: [width, height],
+            primitives,
+            surfaces,
+            background: scene.background,
+            lights,
+            background_light,
+            whitted,
+            strategy: settings.strategy,
+            seed: settings.seed,
+            max_depth: settings.max_depth.unwrap_or(u32::MAX),
+            roulette_depth: settings.roulette_depth,
+            transparent_shadows: settings.transparent_shadows,
+        })
+    }
+
+    /// Radiance of one camera sample, W·sr⁻¹·m⁻², linear RGB; the pixel's value is the mean over
+    /// samples (box filter). Depends on nothing but the seed, the pixel and the sample. Whitted's
+    /// method looks through the pixel's centre. Adds the rays traced to `counts`.
+    pub fn sample(&self, pixel_x: u32, pixel_y: u32, sample: u64, counts: &mut RayCounts) -> DVec3 {
+        let mut random = Random::new(self.seed, pixel_x, pixel_y, sample);
+        let jitter = if self.whitted {
+            [0.5; 2]
+        } else {
+            random.next_2d()
+        };
+        let ray = self.camera_ray([
+            f64::from(pixel_x) + jitter[0],
+            f64::from(pixel_y) + jitter[1],
+        ]);
+        if self.whitted {
+            self.whitted_radiance(ray, &mut random, counts)
+        } else {
+            self.path_radiance(ray, &mut random, counts)
+        }
+    }
+
+    /// The ray through a point of the image in pixels from its top left corner.
+    fn camera_ray(&self, pixel: [f64; 2]) -> Ray {
+        let [eye, top_left, right, down] = self.camera;
+        let s = pixel[0] / f64::from(self.resolution[0]);
+        let t = pixel[1] / f64::from(self.resolution[1]);
+        let direction = (top_left + right * s + down * t - eye).normalize();
+        // A surface through the eye itself is not seen.
+        let t_min = POSITION_ERROR * eye.abs().max_element();
+        Ray {
+            origin: eye,
+            direction,
+            t_min,
+            start: PatchId::NONE,
+        }
+    }
+
+    /// The closest hit of the ray that is segment `depth` of its path.
+    fn trace(&self, ray: &Ray, depth: u32, counts: &mut RayCounts) -> Option<Hit> {
+        if depth == 1 {
+            counts.camera += 1;
+        } else {
+            counts.bounce += 1;
+        }
+        self.primitives.closest(ray)
+    }
+
+    /// A hit as seen by light, on the side that a ray of this direction came from.
+    fn vertex(&self, hit: &Hit, direction: DVec3) -> Vertex {
+        let facing = -hit.normal * direction.dot(hit.normal).signum();
+        let point = hit.position + facing * self.surfaces[hit.primitive].position_error;
+        Vertex {
+            point,
+            normal: facing,
+            patch: hit.patch,
+        }
+    }
+
+    /// The ray that leaves a hit to either side, outside of the surface's rounding error.
+    fn spawn(&self, hit: &Hit, direction: DVec3) -> Ray {
+        let side = hit.normal * direction.dot(hit.normal).signum();
+        let origin = hit.position + side * self.surfaces[hit.primitive].position_error;
+        Ray {
+            origin,
+            direction,
+            t_min: 0.0,
+            start: hit.patch,
+        }
+    }
+
+    /// What a path's weight is multiplied with after `depth` segments: 0 if roulette ends the path.
+    /// `eta_scale` is the product of the refraction indices' ratios along the path; what radiance
+    /// lost by entering glass it wins back on leaving, and is no reason to end.
+    fn roulette(&self, throughput: DVec3, eta_scale: f64, depth: u32, random: &mut Random) -> f64 {
+        if depth < self.roulette_depth {
+            return 1.0;
+        }
+        let survival = (throughput.max_element() * eta_scale * eta_scale).min(MAX_SURVIVAL);
+        if random.next() < survival {
+            1.0 / survival
+        } else {
+            0.0
+        }
+    }
+}

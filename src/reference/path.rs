@@ -1,0 +1,115 @@
+//! Path tracing.
+
+use glam::DVec3;
+
+use super::bsdf::Bsdf;
+use super::direct::power_heuristic;
+use super::light::{Vertex, emitted};
+use super::primitives::{Hit, Ray};
+use super::random::Random;
+use super::{RayCounts, Reference};
+use crate::scene::Strategy;
+
+/// How much of the emission that a ray meets counts.
+enum EmissionWeight {
+    /// All of it: light sampling could not find it.
+    Full,
+    /// Its share by multiple importance sampling: the ray left this vertex with this density per
+    /// solid angle, and light was sampled there as well.
+    Shared(Vertex, f64),
+    /// Nothing: light sampling found it.
+    Zero,
+}
+
+impl Reference {
+    /// Radiance that arrives against `ray`.
+    pub(super) fn path_radiance(
+        &self,
+        mut ray: Ray,
+        random: &mut Random,
+        counts: &mut RayCounts,
+    ) -> DVec3 {
+        let mut radiance = DVec3::ZERO;
+        let mut throughput = DVec3::ONE;
+        let mut eta_scale = 1.0;
+        let mut emission_weight = EmissionWeight::Full;
+
+        for depth in 1..=self.max_depth {
+            let Some(hit) = self.trace(&ray, depth, counts) else {
+                let share = self.share(&emission_weight, self.background_light, &ray, None);
+                return radiance + throughput * self.background * share;
+            };
+            let surface = &self.surfaces[hit.primitive];
+            if let Some(emission) = &surface.emission {
+                let share = self.share(&emission_weight, surface.light, &ray, Some(&hit));
+                radiance += throughput * emitted(emission, hit.normal, ray.direction) * share;
+            }
+            let Some(bsdf) = &surface.bsdf else {
+                return radiance;
+            };
+            if depth == self.max_depth {
+                counts.truncated += 1;
+                return radiance;
+            }
+
+            let direction = match bsdf {
+                Bsdf::Lobe(lobe) => {
+                    let vertex = self.vertex(&hit, ray.direction);
+                    let wo = -ray.direction;
+                    let shares = self.strategy == Strategy::Mis;
+                    radiance +=
+                        throughput * self.direct_light(&vertex, lobe, wo, shares, random, counts);
+                    let (wi, weight) = lobe.sample(vertex.normal, wo, random);
+                    throughput *= weight;
+                    emission_weight = match self.strategy {
+                        Strategy::Mis => {
+                            EmissionWeight::Shared(vertex, lobe.pdf(vertex.normal, wo, wi))
+                        }
+                        Strategy::Nee => EmissionWeight::Zero,
+                        Strategy::Bsdf => EmissionWeight::Full,
+                    };
+                    wi
+                }
+                Bsdf::Specular(specular) => {
+                    let branch = specular.split(ray.direction, hit.normal).choose(random);
+                    throughput *= branch.weight;
+                    eta_scale *= branch.eta;
+                    emission_weight = match emission_weight {
+                        EmissionWeight::Shared(..) | EmissionWeight::Zero
+                            if self.transparent_shadows && branch.is_refracted =>
+                        {
+                            EmissionWeight::Zero
+                        }
+                        _ => EmissionWeight::Full,
+                    };
+                    branch.direction
+                }
+            };
+
+            throughput *= self.roulette(throughput, eta_scale, depth, random);
+            if throughput == DVec3::ZERO {
+                return radiance;
+            }
+            ray = self.spawn(&hit, direction);
+        }
+        radiance
+    }
+
+    /// How much counts of the emission that `ray` finds at `hit`, or beyond the scene, of what is
+    /// this light in the table.
+    fn share(
+        &self,
+        weight: &EmissionWeight,
+        light: Option<usize>,
+        ray: &Ray,
+        hit: Option<&Hit>,
+    ) -> f64 {
+        match (weight, light) {
+            (EmissionWeight::Full, _) | (_, None) => 1.0,
+            (EmissionWeight::Zero, _) => 0.0,
+            (EmissionWeight::Shared(vertex, pdf), Some(light)) => {
+                power_heuristic(*pdf, self.lights.pdf(light, vertex, ray.direction, hit))
+            }
+        }
+    }
+}
