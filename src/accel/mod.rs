@@ -1,10 +1,17 @@
 //! Acceleration structures behind one batch trait. They know primitives, not materials.
 
+mod bvh2;
+mod bvh8;
+mod leaf;
 mod linear;
 mod polygon;
+mod stack;
 #[cfg(test)]
 mod tests;
+mod tree;
 
+pub use bvh2::Bvh2;
+pub use bvh8::Bvh8;
 pub use linear::LinearScan;
 
 use crate::error::{Error, Result};
@@ -15,6 +22,10 @@ use crate::geometry::Geometry;
 pub enum Structure {
     /// [`LinearScan`].
     Linear,
+    /// [`Bvh2`].
+    Bvh2,
+    /// [`Bvh8`].
+    Bvh8,
 }
 
 /// Builds a structure over the primitives.
@@ -29,6 +40,8 @@ pub fn build(structure: Structure, geometry: &Geometry) -> Result<Box<dyn Accel>
     }
     Ok(match structure {
         Structure::Linear => Box::new(LinearScan::new(geometry)),
+        Structure::Bvh2 => Box::new(Bvh2::new(geometry)),
+        Structure::Bvh8 => Box::new(Bvh8::new(geometry)),
     })
 }
 

@@ -8,7 +8,7 @@ use crate::geometry::triangle::ShearRay;
 use crate::geometry::{PrimitiveId, Sphere, Triangle};
 use crate::math::lanes::padded;
 
-const ALL: [Structure; 1] = [Structure::Linear];
+const ALL: [Structure; 3] = [Structure::Linear, Structure::Bvh2, Structure::Bvh8];
 
 /// Rays in columns.
 #[derive(Default)]

@@ -1,0 +1,174 @@
+//! A binary tree, traversed one ray at a time.
+
+use super::leaf::{Closest, LEAF_SIZE, Leaves, TreeRay};
+use super::stack::{Entry, with_stack};
+use super::tree::BinaryTree;
+use super::{Accel, AccelCounters, HitBatch, RayBatch, ShadowBatch};
+use crate::geometry::Geometry;
+use crate::geometry::slab::Bounds;
+
+/// Both children of an inner node, with their boxes.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    bounds: [Bounds; 2],
+    children: [Entry; 2],
+}
+
+/// A binary tree over triangles and spheres.
+#[derive(Debug)]
+pub struct Bvh2 {
+    nodes: Vec<Node>,
+    leaves: Leaves,
+    /// Box of everything, and what is in it; `None` without primitives.
+    root: Option<(Bounds, Entry)>,
+    /// Entries that a traversal may have to remember.
+    stack_bound: usize,
+}
+
+impl Bvh2 {
+    /// Builds over the primitives.
+    pub fn new(geometry: &Geometry) -> Self {
+        let tree = BinaryTree::new(geometry);
+        let mut bvh = Self {
+            nodes: Vec::new(),
+            leaves: Leaves::default(),
+            root: None,
+            stack_bound: 1,
+        };
+        let Some(root) = tree.nodes.first() else {
+            return bvh;
+        };
+        // Tree nodes that still need a place: what, the node and side where it hangs, its depth.
+        let mut work: Vec<(u32, Option<(usize, usize)>, usize)> = vec![(0, None, 1)];
+        while let Some((source, parent, depth)) = work.pop() {
+            let node = &tree.nodes[source as usize];
+            let entry = match node.children {
+                Some(children) if node.count > LEAF_SIZE => {
+                    let at = bvh.nodes.len();
+                    bvh.nodes.push(Node {
+                        bounds: children.map(|child| tree.nodes[child as usize].bounds),
+                        children: [Entry::default(); 2],
+                    });
+                    for side in [1, 0] {
+                        work.push((children[side], Some((at, side)), depth + 1));
+                    }
+                    Entry::node(at as u32)
+                }
+                _ => Entry::leaf(bvh.leaves.push(geometry, &tree, source)),
+            };
+            // One far child is remembered per level.
+            bvh.stack_bound = bvh.stack_bound.max(depth);
+            match parent {
+                Some((parent, side)) => bvh.nodes[parent].children[side] = entry,
+                None => bvh.root = Some((root.bounds, entry)),
+            }
+        }
+        bvh
+    }
+
+    /// Visits leaves that the ray enters no later than at `limit`, nearer children first. `visit` may
+    /// lower the limit, and ends the walk by returning true.
+    #[inline]
+    fn walk(
+        &self,
+        ray: &TreeRay,
+        stack: &mut [Entry],
+        mut limit: f32,
+        nodes: &mut u64,
+        mut visit: impl FnMut(u32, &mut f32) -> bool,
+    ) {
+        let Some((bounds, root)) = &self.root else {
+            return;
+        };
+        let Some(t) = ray.slab.enters(bounds, limit) else {
+            return;
+        };
+        let mut size = 0;
+        let mut current = root.entered_at(t);
+        loop {
+            if let Some(leaf) = current.as_leaf() {
+                if visit(leaf, &mut limit) {
+                    return;
+                }
+            } else {
+                *nodes += 1;
+                let node = &self.nodes[current.index()];
+                let [a, b] = [0, 1].map(|side| {
+                    ray.slab
+                        .enters(&node.bounds[side], limit)
+                        .map(|t| node.children[side].entered_at(t))
+                });
+                match (a, b) {
+                    (Some(a), Some(b)) => {
+                        let (near, far) = if b.t < a.t { (b, a) } else { (a, b) };
+                        stack[size] = far;
+                        size += 1;
+                        current = near;
+                        continue;
+                    }
+                    (Some(only), None) | (None, Some(only)) => {
+                        current = only;
+                        continue;
+                    }
+                    (None, None) => {}
+                }
+            }
+            // The limit may have come down since an entry was put aside.
+            loop {
+                if size == 0 {
+                    return;
+                }
+                size -= 1;
+                if stack[size].t <= limit {
+                    current = stack[size];
+                    break;
+                }
+            }
+        }
+    }
+}
+
+impl Accel for Bvh2 {
+    fn name(&self) -> &'static str {
+        "bvh2"
+    }
+
+    fn bytes(&self) -> usize {
+        std::mem::size_of_val(&*self.nodes) + self.leaves.bytes()
+    }
+
+    fn closest(&self, rays: RayBatch<'_>, hits: HitBatch<'_>, counters: &mut AccelCounters) {
+        with_stack(self.stack_bound, |stack| {
+            for at in 0..rays.len {
+                let mut closest = Closest::MISS;
+                if let Some(ray) = TreeRay::new(&rays, at) {
+                    let AccelCounters { nodes, tests } = &mut *counters;
+                    self.walk(&ray, stack, closest.limit(), nodes, |leaf, limit| {
+                        self.leaves.closest(leaf, &ray, &mut closest, tests);
+                        *limit = closest.limit();
+                        false
+                    });
+                }
+                hits.t[at] = closest.t;
+                hits.primitive[at] = closest.primitive;
+            }
+        });
+    }
+
+    fn occluded(&self, rays: ShadowBatch<'_>, occluded: &mut [u32], counters: &mut AccelCounters) {
+        with_stack(self.stack_bound, |stack| {
+            for (at, answer) in occluded.iter_mut().enumerate().take(rays.rays.len) {
+                let (t_max, target) = (rays.t_max[at], rays.target[at]);
+                let mut blocked = false;
+                if let Some(ray) = TreeRay::new(&rays.rays, at) {
+                    let AccelCounters { nodes, tests } = &mut *counters;
+                    self.walk(&ray, stack, t_max, nodes, |leaf, _| {
+                        blocked = self.leaves.occluded(leaf, &ray, t_max, target, tests);
+                        blocked
+                    });
+                }
+                *answer = u32::from(blocked);
+            }
+        });
+    }
+}

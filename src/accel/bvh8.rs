@@ -1,0 +1,191 @@
+//! A tree of eight children per node, collapsed from the binary tree by surface area (Wald, Benthin and
+//! Boulos, "Getting Rid of Packets", 2008), traversed one ray at a time with eight boxes per step.
+
+use super::leaf::{Closest, LEAF_SIZE, Leaves, TreeRay};
+use super::stack::{Entry, with_stack};
+use super::tree::BinaryTree;
+use super::{Accel, AccelCounters, HitBatch, RayBatch, ShadowBatch};
+use crate::geometry::Geometry;
+use crate::geometry::slab::{Bounds, Bounds8};
+
+const WIDTH: usize = 8;
+
+/// Up to eight children with their boxes; unused slots have empty boxes, which no ray enters.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    bounds: Bounds8,
+    children: [Entry; WIDTH],
+}
+
+/// An 8-wide tree over triangles and spheres.
+#[derive(Debug)]
+pub struct Bvh8 {
+    nodes: Vec<Node>,
+    leaves: Leaves,
+    /// `None` without primitives.
+    root: Option<Entry>,
+    /// Entries that a traversal may have to remember.
+    stack_bound: usize,
+}
+
+impl Bvh8 {
+    /// Builds over the primitives.
+    pub fn new(geometry: &Geometry) -> Self {
+        let tree = BinaryTree::new(geometry);
+        let mut bvh = Self {
+            nodes: Vec::new(),
+            leaves: Leaves::default(),
+            root: None,
+            stack_bound: WIDTH,
+        };
+        if tree.nodes.is_empty() {
+            return bvh;
+        }
+        // Tree nodes that still need a place: what, the node and slot where it hangs, its depth.
+        let mut work: Vec<(u32, Option<(usize, usize)>, usize)> = vec![(0, None, 1)];
+        while let Some((source, parent, depth)) = work.pop() {
+            let entry = if is_leaf(&tree, source) {
+                Entry::leaf(bvh.leaves.push(geometry, &tree, source))
+            } else {
+                let children = widen(&tree, source);
+                let at = bvh.nodes.len();
+                let bounds: Vec<Bounds> = children
+                    .iter()
+                    .map(|&child| tree.nodes[child as usize].bounds)
+                    .collect();
+                bvh.nodes.push(Node {
+                    bounds: Bounds8::new(&bounds),
+                    children: [Entry::default(); WIDTH],
+                });
+                for (slot, &child) in children.iter().enumerate().rev() {
+                    work.push((child, Some((at, slot)), depth + 1));
+                }
+                // Each level leaves at most all but one of its children behind.
+                bvh.stack_bound = bvh.stack_bound.max(depth * (WIDTH - 1) + 1);
+                Entry::node(at as u32)
+            };
+            match parent {
+                Some((parent, slot)) => bvh.nodes[parent].children[slot] = entry,
+                None => bvh.root = Some(entry),
+            }
+        }
+        bvh
+    }
+
+    /// Visits leaves that the ray enters no later than at `limit`, nearer children first. `visit` may
+    /// lower the limit, and ends the walk by returning true.
+    #[inline]
+    fn walk(
+        &self,
+        ray: &TreeRay,
+        stack: &mut [Entry],
+        mut limit: f32,
+        nodes: &mut u64,
+        mut visit: impl FnMut(u32, &mut f32) -> bool,
+    ) {
+        let Some(root) = self.root else { return };
+        stack[0] = root;
+        let mut size = 1;
+        while size > 0 {
+            size -= 1;
+            let current = stack[size];
+            // The limit may have come down since the entry was put aside.
+            if current.t > limit {
+                continue;
+            }
+            if let Some(leaf) = current.as_leaf() {
+                if visit(leaf, &mut limit) {
+                    return;
+                }
+                continue;
+            }
+            *nodes += 1;
+            let node = &self.nodes[current.index()];
+            let (mut entered, t) = ray.slab.enters8(&node.bounds, limit);
+            let t = t.as_array();
+            let base = size;
+            while entered != 0 {
+                let slot = entered.trailing_zeros() as usize;
+                entered &= entered - 1;
+                // Inserted so that the nearest comes to lie on top.
+                let entry = node.children[slot].entered_at(t[slot]);
+                let mut place = size;
+                while place > base && stack[place - 1].t < entry.t {
+                    stack[place] = stack[place - 1];
+                    place -= 1;
+                }
+                stack[place] = entry;
+                size += 1;
+            }
+        }
+    }
+}
+
+fn is_leaf(tree: &BinaryTree, node: u32) -> bool {
+    tree.nodes[node as usize].count <= LEAF_SIZE
+}
+
+/// Up to eight descendants that stand for the node: the largest inner node is opened until eight are reached.
+fn widen(tree: &BinaryTree, node: u32) -> Vec<u32> {
+    let mut open = vec![node];
+    while open.len() < WIDTH {
+        let inner = open
+            .iter()
+            .enumerate()
+            .filter(|&(_, &child)| !is_leaf(tree, child));
+        let area = |child: u32| tree.nodes[child as usize].bounds.half_area();
+        let Some((at, _)) = inner.max_by(|a, b| area(*a.1).total_cmp(&area(*b.1))) else {
+            break;
+        };
+        let Some(children) = tree.nodes[open[at] as usize].children else {
+            break;
+        };
+        open.splice(at..=at, children);
+    }
+    open
+}
+
+impl Accel for Bvh8 {
+    fn name(&self) -> &'static str {
+        "bvh8"
+    }
+
+    fn bytes(&self) -> usize {
+        std::mem::size_of_val(&*self.nodes) + self.leaves.bytes()
+    }
+
+    fn closest(&self, rays: RayBatch<'_>, hits: HitBatch<'_>, counters: &mut AccelCounters) {
+        with_stack(self.stack_bound, |stack| {
+            for at in 0..rays.len {
+                let mut closest = Closest::MISS;
+                if let Some(ray) = TreeRay::new(&rays, at) {
+                    let AccelCounters { nodes, tests } = &mut *counters;
+                    self.walk(&ray, stack, closest.limit(), nodes, |leaf, limit| {
+                        self.leaves.closest(leaf, &ray, &mut closest, tests);
+                        *limit = closest.limit();
+                        false
+                    });
+                }
+                hits.t[at] = closest.t;
+                hits.primitive[at] = closest.primitive;
+            }
+        });
+    }
+
+    fn occluded(&self, rays: ShadowBatch<'_>, occluded: &mut [u32], counters: &mut AccelCounters) {
+        with_stack(self.stack_bound, |stack| {
+            for (at, answer) in occluded.iter_mut().enumerate().take(rays.rays.len) {
+                let (t_max, target) = (rays.t_max[at], rays.target[at]);
+                let mut blocked = false;
+                if let Some(ray) = TreeRay::new(&rays.rays, at) {
+                    let AccelCounters { nodes, tests } = &mut *counters;
+                    self.walk(&ray, stack, t_max, nodes, |leaf, _| {
+                        blocked = self.leaves.occluded(leaf, &ray, t_max, target, tests);
+                        blocked
+                    });
+                }
+                *answer = u32::from(blocked);
+            }
+        });
+    }
+}
