@@ -17,10 +17,15 @@ const LOOK_AT_KEYS: [&str; 4] = ["eye", "look_at", "up", "fov"];
 /// One camera. Errors if its image plane is degenerate, seen edge-on, or cannot be made.
 pub(super) fn read(entry: &Entry) -> Result<CameraDescription> {
     let node = &entry.node;
-    let is_plane = node.table()?.iter().any(|entry| {
-        PLANE_KEYS[1..].contains(&entry.key.as_str())
-    });
-    let projection = if is_plane { read_plane(node)? } else { read_look_at(node)? };
+    let is_plane = node
+        .table()?
+        .iter()
+        .any(|entry| PLANE_KEYS[1..].contains(&entry.key.as_str()));
+    let projection = if is_plane {
+        read_plane(node)?
+    } else {
+        read_look_at(node)?
+    };
     Ok(CameraDescription {
         name: entry.key.clone(),
         projection,
@@ -33,10 +38,10 @@ fn read_plane(node: &Node) -> Result<Projection> {
     let (eye, top_left) = (vector("eye")?, vector("top_left")?);
     let (right, down) = (vector("right")?, vector("down")?);
     let normal = right.cross(down);
-    if !(normal.length() > DEGENERATE * right.length() * down.length()) {
-        return Err(node.spot.error(
-            "the image plane is degenerate: `right` and `down` are parallel or zero",
-        ));
+    if normal.length() <= DEGENERATE * right.length() * down.length() {
+        return Err(node
+            .spot
+            .error("the image plane is degenerate: `right` and `down` are parallel or zero"));
     }
     let reach = (top_left - eye).length() + right.length() + down.length();
     if (top_left - eye).dot(normal.normalize()).abs() <= DEGENERATE * reach {
@@ -69,7 +74,7 @@ fn read_look_at(node: &Node) -> Result<Projection> {
     if view == DVec3::ZERO {
         return Err(node.spot.error("`eye` and `look_at` are the same point"));
     }
-    if !(view.cross(up).length() > DEGENERATE * view.length() * up.length()) {
+    if view.cross(up).length() <= DEGENERATE * view.length() * up.length() {
         return Err(up_node
             .spot
             .error("`up` must not be zero or parallel to the view"));

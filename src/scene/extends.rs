@@ -26,7 +26,10 @@ fn decode(bytes: Vec<u8>, path: &Path) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let valid = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]);
         let line = valid.split('\n').count();
-        let column = 1 + valid.rsplit('\n').next().map_or(0, |last| last.chars().count());
+        let column = 1 + valid
+            .rsplit('\n')
+            .next()
+            .map_or(0, |last| last.chars().count());
         let position = |count| u32::try_from(count).unwrap_or(u32::MAX);
         Error::file(path, "not UTF-8 text").at(position(line), position(column))
     })
@@ -104,11 +107,7 @@ fn merge(base: Node, derived: Node) -> Node {
 }
 
 /// Two tables key by key, `combine` deciding on keys that both have; `derived` if either is no table.
-fn merge_tables(
-    base: Node,
-    mut derived: Node,
-    combine: impl Fn(&str, Node, Node) -> Node,
-) -> Node {
+fn merge_tables(base: Node, mut derived: Node, combine: impl Fn(&str, Node, Node) -> Node) -> Node {
     let (Value::Table(base_entries), Value::Table(derived_entries)) =
         (base.value, &mut derived.value)
     else {

@@ -42,7 +42,9 @@ pub(super) fn read(entry: &Entry) -> Result<MaterialDescription> {
         },
         "oren-nayar" => BsdfDescription::OrenNayar {
             reflectance: reflectance()?,
-            sigma: values::number(fields.required("sigma")?, "sigma", "≥ 0", |sigma| sigma >= 0.0)?,
+            sigma: values::number(fields.required("sigma")?, "sigma", "≥ 0", |sigma| {
+                sigma >= 0.0
+            })?,
         },
         "mirror" => BsdfDescription::Mirror {
             reflectance: match fields.optional("reflectance") {

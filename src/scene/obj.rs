@@ -10,8 +10,9 @@ use super::document::Spot;
 use super::files::read_at_most;
 use crate::error::{Error, Result};
 
-/// Bytes of an OBJ file: some hundred million faces, more than 32-bit indices and memory hold.
-const MAX_OBJ_BYTES: u64 = 1 << 33;
+/// Bytes of an OBJ file: some hundred million faces. A triangle of a fan takes two bytes at least,
+/// so that 32 bits count all of them.
+const MAX_OBJ_BYTES: u64 = 1 << 32;
 
 /// The mesh in `path`, and a warning if corners of faces were missing. Polygons become fans of
 /// triangles. A failure to read it is an error at `spot`, where the file is named; a mistake in it,
@@ -177,7 +178,9 @@ fn load_error(error: tobj::LoadError, read: &[u8], path: &Path) -> Error {
         E::NormalParseError => "a normal needs three numbers",
         E::TexcoordParseError => "a texture coordinate needs two numbers",
         E::MaterialParseError => "`usemtl` needs a name",
-        E::FaceColorOutOfBounds => return Error::file(path, "some vertices have colours, others none"),
+        E::FaceColorOutOfBounds => {
+            return Error::file(path, "some vertices have colours, others none");
+        }
         other => return Error::file(path, other.to_string()),
     };
     let line = read.split_inclusive(|&byte| byte == b'\n').count();

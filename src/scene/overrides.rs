@@ -55,7 +55,8 @@ fn child<'a>(node: &'a mut Node, key: &str, creates: bool, spot: &Spot) -> Resul
             Ok(&mut entries[index].node)
         }
         Value::Array(elements) => {
-            let index = element_index(elements, key).ok_or_else(|| no_element(elements, key, spot))?;
+            let index =
+                element_index(elements, key).ok_or_else(|| no_element(elements, key, spot))?;
             Ok(&mut elements[index])
         }
         Value::Scalar(_) => Err(no_table(key, spot)),
@@ -74,7 +75,8 @@ fn set(node: &mut Node, key: &str, value: Node, spot: &Spot) -> Result<()> {
             }),
         },
         Value::Array(elements) => {
-            let index = element_index(elements, key).ok_or_else(|| no_element(elements, key, spot))?;
+            let index =
+                element_index(elements, key).ok_or_else(|| no_element(elements, key, spot))?;
             elements[index] = value;
         }
         Value::Scalar(_) => return Err(no_table(key, spot)),

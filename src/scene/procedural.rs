@@ -49,7 +49,12 @@ pub fn icosphere(radius: f64, subdivisions: u32) -> Mesh {
 fn icosahedron() -> Mesh {
     let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let mut positions = Vec::new();
-    for sign in [(-1.0, -golden), (1.0, -golden), (-1.0, golden), (1.0, golden)] {
+    for sign in [
+        (-1.0, -golden),
+        (1.0, -golden),
+        (-1.0, golden),
+        (1.0, golden),
+    ] {
         positions.push(DVec3::new(0.0, sign.0, sign.1).normalize());
         positions.push(DVec3::new(sign.0, sign.1, 0.0).normalize());
         positions.push(DVec3::new(sign.1, 0.0, sign.0).normalize());
@@ -155,9 +160,7 @@ mod tests {
 
     /// By the divergence theorem; positive if normals are outward.
     fn volume(mesh: &Mesh) -> f64 {
-        corners(mesh)
-            .map(|[a, b, c]| a.dot(b.cross(c)) / 6.0)
-            .sum()
+        corners(mesh).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
     }
 
     /// Whether each edge is walked once in each direction: closed, and oriented one way.
@@ -187,7 +190,11 @@ mod tests {
             let mesh = icosphere(2.0, subdivisions);
             assert_eq!(mesh.faces.len(), 20 << (2 * subdivisions));
             assert!(is_closed(&mesh));
-            assert!(mesh.positions.iter().all(|p| (p.length() - 2.0).abs() < 1e-14));
+            assert!(
+                mesh.positions
+                    .iter()
+                    .all(|p| (p.length() - 2.0).abs() < 1e-14)
+            );
             let exact = 4.0 / 3.0 * PI * 8.0;
             let missing = 1.0 - volume(&mesh) / exact;
             assert!(missing > 0.0 && missing < tolerance, "{missing}");

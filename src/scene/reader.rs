@@ -26,7 +26,14 @@ pub(super) fn scene(root: &Node, path: &Path) -> Result<SceneDescription> {
     let fields = root.fields(
         "a scene",
         &[
-            "film", "camera", "cameras", "materials", "shapes", "lights", "background", "render",
+            "film",
+            "camera",
+            "cameras",
+            "materials",
+            "shapes",
+            "lights",
+            "background",
+            "render",
         ],
     )?;
     if root.table()?.is_empty() {
@@ -136,7 +143,10 @@ fn read_shapes(
 
 fn read_light(node: &Node) -> Result<PointLightDescription> {
     node.tag("a light", &["point"])?;
-    let light = node.fields("a light of type `point`", &["name", "type", "position", "intensity"])?;
+    let light = node.fields(
+        "a light of type `point`",
+        &["name", "type", "position", "intensity"],
+    )?;
     light.optional("name").map(Node::string).transpose()?;
     Ok(PointLightDescription {
         position: values::point(light.required("position")?, "position")?,
@@ -150,11 +160,8 @@ fn read_render(node: &Node) -> Result<RenderDefaults> {
         let value = entry.node.scalar()?;
         // Each key alone first, so that a mistake is found at its place.
         let alone = toml::Table::from_iter([(entry.key.clone(), value.clone())]);
-        let defaults = RenderDefaults::deserialize(alone).map_err(|error| {
-            entry
-                .key_spot
-                .error(error.message().replace('\n', " "))
-        })?;
+        let defaults = RenderDefaults::deserialize(alone)
+            .map_err(|error| entry.key_spot.error(error.message().replace('\n', " ")))?;
         if defaults.spp == Some(0) || defaults.max_depth == Some(0) {
             return Err(entry
                 .node

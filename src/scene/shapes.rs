@@ -201,7 +201,15 @@ fn mesh_keys(node: &Node) -> Result<(&'static str, &'static [&'static str])> {
         ),
         "torus" => (
             "mesh `torus`",
-            &["mesh", "scale", "translate", "radius", "tube_radius", "segments", "sides"],
+            &[
+                "mesh",
+                "scale",
+                "translate",
+                "radius",
+                "tube_radius",
+                "segments",
+                "sides",
+            ],
         ),
         _ => ("mesh `grid`", &["mesh", "scale", "translate", "cells"]),
     })

@@ -67,9 +67,12 @@ pub(super) fn point(node: &Node, name: &str) -> Result<DVec3> {
 
 /// A length in metres: > 0, not so small that f32 has no such normal number, at most [`MAX_COORDINATE`].
 pub(super) fn length(node: &Node, name: &str) -> Result<f64> {
-    number(node, name, "> 0 (at least 1.2e-38) and at most 1.8e18", |x| {
-        x >= f64::from(f32::MIN_POSITIVE) && x <= MAX_COORDINATE
-    })
+    number(
+        node,
+        name,
+        "> 0 (at least 1.2e-38) and at most 1.8e18",
+        |x| x >= f64::from(f32::MIN_POSITIVE) && x <= MAX_COORDINATE,
+    )
 }
 
 /// A factor per axis, written as one number or three; none is 0.
