@@ -67,12 +67,20 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     /// An error in an option or setting.
     pub fn usage(message: impl Into<String>) -> Self {
-        Self { kind: ErrorKind::Usage, message: message.into(), place: None }
+        Self {
+            kind: ErrorKind::Usage,
+            message: message.into(),
+            place: None,
+        }
     }
 
     /// A limit of the program or machine that is exceeded.
     pub fn limit(message: impl Into<String>) -> Self {
-        Self { kind: ErrorKind::Limit, message: message.into(), place: None }
+        Self {
+            kind: ErrorKind::Limit,
+            message: message.into(),
+            place: None,
+        }
     }
 
     /// An error in the content of `file`.
@@ -80,13 +88,20 @@ impl Error {
         Self {
             kind: ErrorKind::File,
             message: message.into(),
-            place: Some(Place { file: file.to_owned(), line: None, column: None }),
+            place: Some(Place {
+                file: file.to_owned(),
+                line: None,
+                column: None,
+            }),
         }
     }
 
     /// An input or output error on `file`.
     pub fn io(file: &Path, error: &std::io::Error) -> Self {
-        Self { kind: ErrorKind::Io, ..Self::file(file, error.to_string()) }
+        Self {
+            kind: ErrorKind::Io,
+            ..Self::file(file, error.to_string())
+        }
     }
 
     /// The same error with a 1-based line and column in its file.

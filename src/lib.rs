@@ -2,6 +2,8 @@
 pub mod accel;
 pub mod error;
 pub mod geometry;
+pub mod light;
+pub mod material;
 pub mod math;
 pub mod scene;
 

@@ -44,7 +44,11 @@ impl Mask {
     /// The first `n` lanes (all of them if `n ≥ LANES`).
     #[inline(always)]
     pub fn first(n: usize) -> Self {
-        if n >= LANES { Self::ALL } else { Self((1u16 << n) - 1) }
+        if n >= LANES {
+            Self::ALL
+        } else {
+            Self((1u16 << n) - 1)
+        }
     }
 
     /// Whether some lane is set.
@@ -183,14 +187,18 @@ impl Compare for U32s {
 /// If the column ends before.
 #[inline(always)]
 pub fn load(column: &[f32], at: usize) -> F32s {
-    let lanes: [f32; LANES] = column[at..at + LANES].try_into().expect("slice has LANES items");
+    let lanes: [f32; LANES] = column[at..at + LANES]
+        .try_into()
+        .expect("slice has LANES items");
     F32s::from(lanes)
 }
 
 /// As [`load`], for u32.
 #[inline(always)]
 pub fn load_u32(column: &[u32], at: usize) -> U32s {
-    let lanes: [u32; LANES] = column[at..at + LANES].try_into().expect("slice has LANES items");
+    let lanes: [u32; LANES] = column[at..at + LANES]
+        .try_into()
+        .expect("slice has LANES items");
     U32s::from(lanes)
 }
 
@@ -210,13 +218,25 @@ pub fn store_u32(column: &mut [u32], at: usize, value: U32s) {
 /// of `column[at .. at + LANES]`.
 #[inline(always)]
 pub fn compress(column: &mut [f32], at: usize, mask: Mask, value: F32s) {
-    imp::compress_f32((&mut column[at..at + LANES]).try_into().expect("slice has LANES items"), mask, value);
+    imp::compress_f32(
+        (&mut column[at..at + LANES])
+            .try_into()
+            .expect("slice has LANES items"),
+        mask,
+        value,
+    );
 }
 
 /// As [`compress`], for u32.
 #[inline(always)]
 pub fn compress_u32(column: &mut [u32], at: usize, mask: Mask, value: U32s) {
-    imp::compress_u32((&mut column[at..at + LANES]).try_into().expect("slice has LANES items"), mask, value);
+    imp::compress_u32(
+        (&mut column[at..at + LANES])
+            .try_into()
+            .expect("slice has LANES items"),
+        mask,
+        value,
+    );
 }
 
 /// `column[index]` per lane; an index past the end reads the last item.
@@ -281,7 +301,10 @@ pub fn to_u32(value: F32s) -> U32s {
 #[cfg(target_feature = "avx512f")]
 mod imp {
     //! AVX-512: masks live in mask registers.
-    #![expect(unsafe_code, reason = "gathers and compressed stores have no safe form")]
+    #![expect(
+        unsafe_code,
+        reason = "gathers and compressed stores have no safe form"
+    )]
 
     use std::arch::x86_64::*;
 
@@ -361,7 +384,10 @@ mod imp {
     //! Any machine: `wide` picks AVX, SSE, NEON or plain scalar code.
 
     use super::{F32s, LANES, Mask, U32s};
-    #[allow(unused_imports, reason = "traits are named differently across versions of wide")]
+    #[allow(
+        unused_imports,
+        reason = "traits are named differently across versions of wide"
+    )]
     use wide::{CmpEq, CmpLe, CmpLt};
 
     #[inline(always)]

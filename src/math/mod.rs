@@ -1,7 +1,14 @@
 //! Lanes, vectors of lanes, frames, warps and floating-point error bounds.
 
+pub mod elementary;
+pub mod frame;
 pub mod lanes;
+pub mod mis;
+#[cfg(test)]
+pub(crate) mod testing;
 pub mod vec3;
+pub mod warp;
 
+pub use frame::Frame;
 pub use lanes::{Compare, F32s, LANES, Mask, U32s};
 pub use vec3::Vec3s;

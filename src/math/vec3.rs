@@ -65,7 +65,11 @@ impl Vec3s {
     /// `self + scale·v`, fused.
     #[inline(always)]
     pub fn add_scaled(self, v: Self, scale: F32s) -> Self {
-        Self::new(v.x.mul_add(scale, self.x), v.y.mul_add(scale, self.y), v.z.mul_add(scale, self.z))
+        Self::new(
+            v.x.mul_add(scale, self.x),
+            v.y.mul_add(scale, self.y),
+            v.z.mul_add(scale, self.z),
+        )
     }
 
     /// Component-wise product.
@@ -89,7 +93,11 @@ impl Vec3s {
     /// `yes` where set, else `no`.
     #[inline(always)]
     pub fn select(mask: Mask, yes: Self, no: Self) -> Self {
-        Self::new(mask.select(yes.x, no.x), mask.select(yes.y, no.y), mask.select(yes.z, no.z))
+        Self::new(
+            mask.select(yes.x, no.x),
+            mask.select(yes.y, no.y),
+            mask.select(yes.z, no.z),
+        )
     }
 }
 

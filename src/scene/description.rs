@@ -85,15 +85,30 @@ impl Projection {
     /// Eye, top left corner, right and down edge of the image plane for a film of this shape.
     pub fn plane(&self, width: u32, height: u32) -> [DVec3; 4] {
         match *self {
-            Self::Plane { eye, top_left, right, down } => [eye, top_left, right, down],
-            Self::LookAt { eye, target, up, fov_y } => {
+            Self::Plane {
+                eye,
+                top_left,
+                right,
+                down,
+            } => [eye, top_left, right, down],
+            Self::LookAt {
+                eye,
+                target,
+                up,
+                fov_y,
+            } => {
                 let forward = (target - eye).normalize();
                 let right = forward.cross(up).normalize();
                 let down = forward.cross(right);
                 let half_height = (fov_y.to_radians() * 0.5).tan();
                 let half_width = half_height * f64::from(width) / f64::from(height);
                 let top_left = eye + forward - right * half_width - down * half_height;
-                [eye, top_left, right * (2.0 * half_width), down * (2.0 * half_height)]
+                [
+                    eye,
+                    top_left,
+                    right * (2.0 * half_width),
+                    down * (2.0 * half_height),
+                ]
             }
         }
     }

@@ -152,7 +152,9 @@ impl RenderSettings {
             budget: defaults.spp.map_or(base.budget, Budget::Samples),
             max_depth: defaults.max_depth.or(base.max_depth),
             roulette_depth: defaults.roulette_depth.unwrap_or(base.roulette_depth),
-            transparent_shadows: defaults.transparent_shadows.unwrap_or(base.transparent_shadows),
+            transparent_shadows: defaults
+                .transparent_shadows
+                .unwrap_or(base.transparent_shadows),
             seed: defaults.seed.unwrap_or(base.seed),
             ..base
         }
