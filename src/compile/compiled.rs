@@ -140,7 +140,11 @@ pub fn compile(
     let lights = LightTable::new(&tables.lights)?;
     let features = features(&tables, &lights, settings);
     let structure = match settings.accel {
-        _ => Structure::Linear,
+        AccelKind::Auto if tables.geometry.len() <= 64 => Structure::Linear,
+        AccelKind::Auto => Structure::Bvh8,
+        AccelKind::Linear => Structure::Linear,
+        AccelKind::Bvh2 => Structure::Bvh2,
+        AccelKind::Bvh8 => Structure::Bvh8,
     };
     Ok(CompiledScene {
         features,

@@ -10,7 +10,12 @@ use crate::math::{Compare, F32s, Frame, Mask, U32s, Vec3s};
 
 /// The columns' entries.
 pub(super) fn row(light: &BackgroundLight) -> Row {
-    Row { radiance: light.radiance, density: 1.0 / PI, primitives: [PrimitiveId::NONE; 2], ..Row::default() }
+    Row {
+        radiance: light.radiance,
+        density: 1.0 / PI,
+        primitives: [PrimitiveId::NONE; 2],
+        ..Row::default()
+    }
 }
 
 /// A direction above the surface with unit normal `n`.

@@ -40,7 +40,11 @@ fn units(power: &[f64]) -> Vec<u32> {
     let mut units = vec![0; power.len()];
     for (i, &p) in power.iter().enumerate().filter(|(_, p)| **p > 0.0) {
         sum += p;
-        let end = if Some(i) == last { UNITS - positive } else { (sum / total * free) as u32 };
+        let end = if Some(i) == last {
+            UNITS - positive
+        } else {
+            (sum / total * free) as u32
+        };
         units[i] = 1 + end.saturating_sub(given);
         given = given.max(end);
     }
@@ -55,14 +59,23 @@ impl LightChoice {
     /// If there are more lights than uniform numbers can tell apart.
     pub(super) fn new(power: &[f64]) -> Result<(Self, Vec<f32>)> {
         if power.len() > UNITS as usize {
-            return Err(Error::limit(format!("{} lights; at most {UNITS} can be told apart", power.len())));
+            return Err(Error::limit(format!(
+                "{} lights; at most {UNITS} can be told apart",
+                power.len()
+            )));
         }
         // Powers from 1e-300 to 1e300 may meet: scale before they are added.
         let largest = power.iter().copied().fold(0.0, f64::max);
         if largest == 0.0 {
             return Ok((Self::default(), vec![0.0; power.len()]));
         }
-        let scaled = |p: f64| if p > 0.0 { (p / largest).max(f64::MIN_POSITIVE) } else { 0.0 };
+        let scaled = |p: f64| {
+            if p > 0.0 {
+                (p / largest).max(f64::MIN_POSITIVE)
+            } else {
+                0.0
+            }
+        };
         let units = units(&power.iter().map(|&p| scaled(p)).collect::<Vec<_>>());
         let probabilities = units.iter().map(|&u| u as f32 / UNITS as f32).collect();
 
@@ -73,8 +86,9 @@ impl LightChoice {
         left.resize(buckets, 0);
         let mut own = vec![capacity; buckets];
         let mut alias: Vec<u32> = (0..buckets as u32).collect();
-        let (mut small, mut large): (Vec<usize>, Vec<usize>) =
-            (0..buckets).filter(|&i| left[i] != capacity).partition(|&i| left[i] < capacity);
+        let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..buckets)
+            .filter(|&i| left[i] != capacity)
+            .partition(|&i| left[i] < capacity);
         // In whole numbers nothing is lost: as long as a bucket lacks units, another has too many.
         while let (Some(poor), Some(&rich)) = (small.pop(), large.last()) {
             own[poor] = left[poor];
@@ -134,9 +148,15 @@ mod tests {
             assert_eq!(f64::from(*count) / f64::from(UNITS), f64::from(stated));
             assert_eq!(*count > 0, p > 0.0, "power {p}");
             let units_off = (f64::from(stated) - p / total).abs() * f64::from(UNITS);
-            assert!(units_off <= 2.0 + power.len() as f64 * p / total, "{units_off} units off for power {p}");
+            assert!(
+                units_off <= 2.0 + power.len() as f64 * p / total,
+                "{units_off} units off for power {p}"
+            );
         }
-        assert_eq!(probabilities.iter().map(|&p| f64::from(p)).sum::<f64>(), 1.0);
+        assert_eq!(
+            probabilities.iter().map(|&p| f64::from(p)).sum::<f64>(),
+            1.0
+        );
     }
 
     #[test]
@@ -147,7 +167,15 @@ mod tests {
         check(&[1e-20, 1e20, 1.0, 0.0]);
         check(&[0.0, 1e300, 1e300, 1e-300]);
         let mut random = Uniform::new(31);
-        let many: Vec<f64> = (0..1000).map(|i| if i % 7 == 0 { 0.0 } else { random.next().powi(4) }).collect();
+        let many: Vec<f64> = (0..1000)
+            .map(|i| {
+                if i % 7 == 0 {
+                    0.0
+                } else {
+                    random.next().powi(4)
+                }
+            })
+            .collect();
         check(&many);
     }
 
@@ -163,9 +191,16 @@ mod tests {
     fn a_million_lights_keep_their_exact_sum() {
         let power: Vec<f64> = (0..1_000_000).map(|i| 1.0 + f64::from(i % 10)).collect();
         let (choice, probabilities) = LightChoice::new(&power).unwrap();
-        assert_eq!(probabilities.iter().map(|&p| f64::from(p)).sum::<f64>(), 1.0);
+        assert_eq!(
+            probabilities.iter().map(|&p| f64::from(p)).sum::<f64>(),
+            1.0
+        );
         let mut random = Uniform::new(32);
         let chosen = choice.choose(random.lanes()).to_array();
-        assert!(chosen.iter().all(|&light| probabilities[light as usize] > 0.0));
+        assert!(
+            chosen
+                .iter()
+                .all(|&light| probabilities[light as usize] > 0.0)
+        );
     }
 }

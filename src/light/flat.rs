@@ -13,13 +13,21 @@ use crate::math::{Compare, F32s, Mask, U32s, Vec3s};
 /// edge 1 × edge 2, in f64.
 fn area_vector(light: &FlatLight) -> [f64; 3] {
     let [a, b] = light.edges.map(|edge| edge.map(f64::from));
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 /// Area.
 pub(super) fn area(light: &FlatLight) -> f64 {
     let parallelogram = area_vector(light).iter().map(|x| x * x).sum::<f64>().sqrt();
-    if light.is_triangle { 0.5 * parallelogram } else { parallelogram }
+    if light.is_triangle {
+        0.5 * parallelogram
+    } else {
+        parallelogram
+    }
 }
 
 /// The columns' entries.
@@ -34,9 +42,17 @@ pub(super) fn row(light: &FlatLight) -> Row {
         density: if area > 0.0 { 1.0 / area } else { 0.0 },
         position: light.corner,
         edges: light.edges,
-        normal: if length > 0.0 { normal.map(|x| (x / length) as f32) } else { [0.0; 3] },
+        normal: if length > 0.0 {
+            normal.map(|x| (x / length) as f32)
+        } else {
+            [0.0; 3]
+        },
         fold: if light.is_triangle { 0.5 } else { 0.0 },
-        primitives: if light.is_triangle { [light.primitives[0]; 2] } else { light.primitives },
+        primitives: if light.is_triangle {
+            [light.primitives[0]; 2]
+        } else {
+            light.primitives
+        },
         ..Row::default()
     }
 }
@@ -83,7 +99,12 @@ pub(super) fn sample<const KINDS: u32>(
 /// Density per steradian with which [`super::sample`] finds a point of a flat light at `distance`
 /// along the unit vector `direction`, from either side.
 #[inline(always)]
-pub fn pdf_flat<const KINDS: u32>(lights: &LightTable, light: U32s, direction: Vec3s, distance: F32s) -> F32s {
+pub fn pdf_flat<const KINDS: u32>(
+    lights: &LightTable,
+    light: U32s,
+    direction: Vec3s,
+    distance: F32s,
+) -> F32s {
     let cos = -direction.dot(lights.get3::<KINDS>(&lights.normal, light));
     per_steradian(lights.get::<KINDS>(&lights.density, light), cos, distance)
 }

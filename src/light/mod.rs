@@ -135,7 +135,9 @@ impl Light {
                 4.0 * pi * pi * f64::from(l.radius).powi(2) * sides(l.two_sided) * mean(l.radiance)
             }
             Self::Point(l) => 4.0 * pi * mean(l.intensity),
-            Self::Background(l) => 4.0 * pi * pi * f64::from(l.scene_radius).powi(2) * mean(l.radiance),
+            Self::Background(l) => {
+                4.0 * pi * pi * f64::from(l.scene_radius).powi(2) * mean(l.radiance)
+            }
         }
     }
 }
@@ -143,7 +145,7 @@ impl Light {
 /// All lights of a scene in columns indexed by light, and the table that chooses among them.
 #[derive(Debug, Clone, Default)]
 pub struct LightTable {
-    /// Bits of the lights that can be chosen, with [`kinds::MANY`].
+    /// Bits of the lights in the table, with [`kinds::MANY`]; 0 if none has any power.
     kinds: u32,
     choice: LightChoice,
     background: Option<u32>,
@@ -194,11 +196,12 @@ impl LightTable {
     pub fn new(lights: &[Light]) -> Result<Self> {
         let power: Vec<f64> = lights.iter().map(Light::power).collect();
         let (choice, probabilities) = LightChoice::new(&power)?;
-        let mut table = Self { choice, ..Self::default() };
+        let mut table = Self {
+            choice,
+            ..Self::default()
+        };
         for (light, probability) in lights.iter().zip(probabilities) {
-            if probability > 0.0 {
-                table.kinds |= light.kind();
-            }
+            table.kinds |= light.kind();
             let row = match light {
                 Light::Flat(light) => flat::row(light),
                 Light::Sphere(light) => sphere::row(light),
@@ -210,8 +213,11 @@ impl LightTable {
             };
             table.push(light.kind(), probability, &row);
         }
-        if table.kinds != 0 && lights.len() > 1 {
+        if lights.len() > 1 {
             table.kinds |= kinds::MANY;
+        }
+        if power.iter().all(|&power| power == 0.0) {
+            table.kinds = 0;
         }
         Ok(table)
     }
@@ -225,7 +231,8 @@ impl LightTable {
         self.kind.push(kind);
         extend(&mut self.radiance, row.radiance);
         self.back.push(if row.two_sided { 1.0 } else { 0.0 });
-        self.density.push((f64::from(probability) * row.density) as f32);
+        self.density
+            .push((f64::from(probability) * row.density) as f32);
         extend(&mut self.position, row.position);
         extend(&mut self.edge1, row.edges[0]);
         extend(&mut self.edge2, row.edges[1]);
@@ -266,17 +273,29 @@ impl LightTable {
 
     #[inline(always)]
     fn get<const KINDS: u32>(&self, column: &[f32], light: U32s) -> F32s {
-        if KINDS & kinds::MANY == 0 { F32s::splat(column[0]) } else { gather(column, light) }
+        if KINDS & kinds::MANY == 0 {
+            F32s::splat(column[0])
+        } else {
+            gather(column, light)
+        }
     }
 
     #[inline(always)]
     fn get_u32<const KINDS: u32>(&self, column: &[u32], light: U32s) -> U32s {
-        if KINDS & kinds::MANY == 0 { U32s::splat(column[0]) } else { gather_u32(column, light) }
+        if KINDS & kinds::MANY == 0 {
+            U32s::splat(column[0])
+        } else {
+            gather_u32(column, light)
+        }
     }
 
     #[inline(always)]
     fn get3<const KINDS: u32>(&self, [x, y, z]: &[Vec<f32>; 3], light: U32s) -> Vec3s {
-        Vec3s::new(self.get::<KINDS>(x, light), self.get::<KINDS>(y, light), self.get::<KINDS>(z, light))
+        Vec3s::new(
+            self.get::<KINDS>(x, light),
+            self.get::<KINDS>(y, light),
+            self.get::<KINDS>(z, light),
+        )
     }
 }
 
@@ -336,8 +355,17 @@ impl LightSample {
 /// `n` is the unit shading normal on the side that light is wanted from; only the background uses
 /// it. `KINDS` must contain [`LightTable::kinds`].
 #[inline(always)]
-pub fn sample<const KINDS: u32>(lights: &LightTable, p: Vec3s, n: Vec3s, u: [F32s; 3]) -> LightSample {
-    let light = if KINDS & kinds::MANY == 0 { U32s::splat(0) } else { lights.choice.choose(u[0]) };
+pub fn sample<const KINDS: u32>(
+    lights: &LightTable,
+    p: Vec3s,
+    n: Vec3s,
+    u: [F32s; 3],
+) -> LightSample {
+    let light = if KINDS & kinds::MANY == 0 {
+        U32s::splat(0)
+    } else {
+        lights.choice.choose(u[0])
+    };
     let [_, u1, u2] = u;
     match KINDS & kinds::ALL & !kinds::MANY {
         kinds::FLAT => flat::sample::<KINDS>(lights, light, p, u1, u2),
@@ -346,15 +374,29 @@ pub fn sample<const KINDS: u32>(lights: &LightTable, p: Vec3s, n: Vec3s, u: [F32
         kinds::BACKGROUND => background::sample::<KINDS>(lights, light, n, u1, u2),
         _ => {
             let kind = lights.get_u32::<KINDS>(&lights.kind, light);
-            let is = |bit: u32| if KINDS & bit == 0 { Mask::NONE } else { kind.eq(U32s::splat(bit)) };
+            let is = |bit: u32| {
+                if KINDS & bit == 0 {
+                    Mask::NONE
+                } else {
+                    kind.eq(U32s::splat(bit))
+                }
+            };
             let mut found = LightSample::none();
             let flat = is(kinds::FLAT);
             if flat.any() {
-                found = LightSample::select(flat, flat::sample::<KINDS>(lights, light, p, u1, u2), found);
+                found = LightSample::select(
+                    flat,
+                    flat::sample::<KINDS>(lights, light, p, u1, u2),
+                    found,
+                );
             }
             let sphere = is(kinds::SPHERE);
             if sphere.any() {
-                found = LightSample::select(sphere, sphere::sample::<KINDS>(lights, light, p, u1, u2), found);
+                found = LightSample::select(
+                    sphere,
+                    sphere::sample::<KINDS>(lights, light, p, u1, u2),
+                    found,
+                );
             }
             let point = is(kinds::POINT);
             if point.any() {
@@ -390,11 +432,20 @@ pub fn pdf<const KINDS: u32>(
         kinds::BACKGROUND => pdf_background::<KINDS>(lights, light, n.dot(direction)),
         _ => {
             let kind = lights.get_u32::<KINDS>(&lights.kind, light);
-            let is = |bit: u32| if KINDS & bit == 0 { Mask::NONE } else { kind.eq(U32s::splat(bit)) };
+            let is = |bit: u32| {
+                if KINDS & bit == 0 {
+                    Mask::NONE
+                } else {
+                    kind.eq(U32s::splat(bit))
+                }
+            };
             let mut density = zero;
             let flat = is(kinds::FLAT);
             if flat.any() {
-                density = flat.select(pdf_flat::<KINDS>(lights, light, direction, distance), density);
+                density = flat.select(
+                    pdf_flat::<KINDS>(lights, light, direction, distance),
+                    density,
+                );
             }
             let sphere = is(kinds::SPHERE);
             if sphere.any() {
@@ -403,7 +454,10 @@ pub fn pdf<const KINDS: u32>(
             }
             let background = is(kinds::BACKGROUND);
             if background.any() {
-                density = background.select(pdf_background::<KINDS>(lights, light, n.dot(direction)), density);
+                density = background.select(
+                    pdf_background::<KINDS>(lights, light, n.dot(direction)),
+                    density,
+                );
             }
             density
         }

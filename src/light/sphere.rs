@@ -71,7 +71,8 @@ impl View {
     /// Density per steradian of area sampling, choice/(4πR²)·d²/|cos|.
     #[inline(always)]
     fn pdf_inside(&self, cos: F32s, distance: F32s) -> F32s {
-        self.density * (distance * distance) / (F32s::splat(2.0) * self.radius * self.radius * cos.abs())
+        self.density * (distance * distance)
+            / (F32s::splat(2.0) * self.radius * self.radius * cos.abs())
     }
 }
 
@@ -135,5 +136,6 @@ pub fn pdf_sphere<const KINDS: u32>(
     let view = View::new::<KINDS>(lights, light, p);
     let outward = hit - lights.get3::<KINDS>(&lights.position, light);
     let cos = direction.dot(outward) / view.radius;
-    view.outside.select(view.pdf_outside(), view.pdf_inside(cos, distance))
+    view.outside
+        .select(view.pdf_outside(), view.pdf_inside(cos, distance))
 }

@@ -108,7 +108,8 @@ impl DirectionBins {
         std::array::from_fn(|k| r * cos * t[k] + r * sin * b[k] + (1.0 - height) * n[k])
     }
 
-    /// The bin that holds `v`. What lies beyond the rim by less than 1e-5 of the height is rounding.
+    /// The bin that holds `v`. A direction beyond the rim by less than 3e-7 radians is inside but for
+    /// its rounding.
     fn bin(&self, v: [f64; 3]) -> Option<usize> {
         let [t, b, n] = self.axes;
         let dot = |a: [f64; 3]| a[0] * v[0] + a[1] * v[1] + a[2] * v[2];
@@ -117,7 +118,9 @@ impl DirectionBins {
         let turn = dot(b).atan2(dot(t)) / std::f64::consts::TAU;
         let ring = (height.min(1.0) * Self::RINGS as f64) as usize;
         let sector = (turn.rem_euclid(1.0) * Self::SECTORS as f64) as usize;
-        (height <= 1.0 + 1e-5)
+        // d height / dθ = sin θ / width ≤ √(2/width).
+        let rim = 1.0 + 3e-7 * (2.0 / self.width).sqrt();
+        (height <= rim)
             .then(|| ring.min(Self::RINGS - 1) * Self::SECTORS + sector.min(Self::SECTORS - 1))
     }
 
@@ -148,6 +151,8 @@ impl DirectionBins {
         turns: [f64; 2],
         depth: u32,
     ) -> f64 {
+        // A corner of the support may poke into a cell between all points that are looked at.
+        const MIN_DEPTH: u32 = 3;
         const NODES: [f64; 4] = [
             0.069_431_844_202_973_71,
             0.330_009_478_207_571_87,
@@ -184,7 +189,8 @@ impl DirectionBins {
             .into_iter()
             .filter(|&v| v > 0.0)
             .count();
-        if positive + corners == 0 || positive + corners == 16 + LANES || depth == 6 {
+        let uniform = positive + corners == 0 || positive + corners == 16 + LANES;
+        if uniform && depth >= MIN_DEPTH || depth == 6 {
             return (0..16)
                 .map(|i| WEIGHTS[i / 4] * WEIGHTS[i % 4] * values[i])
                 .sum();

@@ -64,7 +64,7 @@ pub enum Budget {
 
 /// Render defaults of a scene file: what is `None` is left to the program.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case", default)]
+#[serde(deny_unknown_fields, default)]
 pub struct RenderDefaults {
     /// Samples per pixel, > 0.
     pub spp: Option<u64>,

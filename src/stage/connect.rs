@@ -6,7 +6,7 @@ use crate::math::lanes::{LANES, Mask, U32s, load_u32};
 use crate::wave::{Wave, add_radiance};
 
 /// Traces the shadow rays and adds the light of those that are free.
-pub fn connect(scene: &CompiledScene, wave: &mut Wave) {
+pub(super) fn connect(scene: &CompiledScene, wave: &mut Wave) {
     let (batch, occluded) = wave.shadows.batch();
     scene
         .accel

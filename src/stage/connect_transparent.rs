@@ -13,10 +13,10 @@ use crate::math::{Compare, Vec3s};
 use crate::wave::{Wave, add_radiance};
 
 /// Boundaries of glass that one shadow ray may cross; beyond, it counts as occluded.
-pub const MOST_CROSSINGS: u32 = 64;
+const MOST_CROSSINGS: u32 = 64;
 
 /// Traces the shadow rays from boundary to boundary and adds the light of those that get through.
-pub fn connect_transparent<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
+pub(super) fn connect_transparent<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
     for _ in 0..=MOST_CROSSINGS {
         if wave.shadows.len == 0 {
             break;

@@ -11,7 +11,7 @@ use crate::wave::{Wave, state};
 ///
 /// With splitting (Whitted's transport) paths start only in an empty wave, as many as have room
 /// to split.
-pub fn generate<const F: u32>(scene: &CompiledScene, item: &WorkItem, wave: &mut Wave) {
+pub(super) fn generate<const F: u32>(scene: &CompiledScene, item: &WorkItem, wave: &mut Wave) {
     let whitted = scene.on::<F>(Features::WHITTED);
     let room = match (whitted, wave.rays.len) {
         (false, len) => wave.capacity - len,

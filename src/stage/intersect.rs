@@ -4,7 +4,7 @@ use crate::compile::CompiledScene;
 use crate::wave::Wave;
 
 /// Finds the closest hit of every ray.
-pub fn intersect(scene: &CompiledScene, wave: &mut Wave) {
+pub(super) fn intersect(scene: &CompiledScene, wave: &mut Wave) {
     scene.accel.closest(
         wave.rays.batch(),
         wave.hits.batch(),

@@ -8,7 +8,7 @@ use crate::math::lanes::{LANES, Mask, U32s, iota, load, load_u32};
 use crate::wave::{Wave, state};
 
 /// Adds albedo, normal and depth of the camera rays' hits to their pixels.
-pub fn record_aux<const F: u32>(scene: &CompiledScene, item: &WorkItem, wave: &mut Wave) {
+pub(super) fn record_aux<const F: u32>(scene: &CompiledScene, item: &WorkItem, wave: &mut Wave) {
     for at in (0..wave.rays.len).step_by(LANES) {
         let active = Mask::first(wave.rays.len - at);
         let depth = load_u32(&wave.rays.state, at) & U32s::splat(state::DEPTH);

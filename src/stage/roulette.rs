@@ -11,7 +11,7 @@ pub const MOST_SURVIVAL: f32 = 0.99;
 
 /// Lets paths survive with the largest channel of their throughput (with the scaling of radiance
 /// by refraction undone), from the scene's roulette depth on, and packs the survivors.
-pub fn roulette<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
+pub(super) fn roulette<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
     let next = &mut wave.next;
     wave.rays.len = 0;
     for at in (0..next.len).step_by(LANES) {

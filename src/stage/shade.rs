@@ -13,7 +13,8 @@ use crate::math::lanes::{
 };
 use crate::math::{Compare, Frame, Vec3s, mis};
 use crate::sampler::{BOUNCE_DIMENSIONS, CAMERA_DIMENSIONS, Dimension, Pcg32s, Strata};
-use crate::wave::{COUNTED_DEPTHS, RayQueue, ShadowQueue, Wave, state};
+use crate::scene::Strategy;
+use crate::wave::{COUNTED_DEPTHS, RayQueue, Wave, state};
 
 /// What a chunk of hits has in common with what leaves it.
 struct Hits {
@@ -55,13 +56,63 @@ impl HitStrata {
     }
 }
 
+/// Which ray of a hit a round over the queue sends on.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Branch {
+    /// The one that the material samples.
+    Sampled,
+    /// The first of two, or a sampled one where the path may not split any more.
+    First,
+    /// The second of two.
+    Second,
+}
+
 /// Shades the hits of the queue of `M`'s kind: sends shadow rays to sampled lights and appends the
 /// next ray of each path, with zero throughput where the path ends.
-pub fn shade<M: Material, const F: u32>(scene: &CompiledScene, item: &WorkItem, wave: &mut Wave) {
-    let queue = &wave.by_material[M::KIND as usize];
-    let rays = &wave.rays;
-    for at in (0..queue.len).step_by(LANES) {
-        let active = Mask::first(queue.len - at);
+pub(super) fn shade<M: Material, const F: u32>(
+    scene: &CompiledScene,
+    item: &WorkItem,
+    wave: &mut Wave,
+) {
+    let whitted = scene.on::<F>(Features::WHITTED);
+    // All first branches come before all second ones, so that the order of a path's rays does not
+    // depend on which vector of lanes it happens to be in.
+    let branches: &[Branch] = if whitted && M::TRANSMISSIVE {
+        &[Branch::First, Branch::Second]
+    } else {
+        &[Branch::Sampled]
+    };
+    for &branch in branches {
+        for at in (0..wave.by_material[M::KIND as usize].len).step_by(LANES) {
+            let hits = Hits::fetch::<M, F>(scene, wave, at);
+            let strata = strata::<F>(scene, item, &hits);
+            let params = M::fetch(&scene.materials, material(scene, hits.primitive));
+            if !M::SPECULAR && scene.on::<F>(Features::SHADOW_RAYS) {
+                sample_light::<M, F>(scene, &hits, strata, &params, wave);
+            }
+            if whitted && !M::SPECULAR {
+                continue;
+            }
+            match branch {
+                Branch::Sampled => {
+                    let sample = M::sample(&params, hits.wo, direction_numbers(&hits, strata));
+                    let random = hits.random;
+                    continue_path::<M, F>(scene, &hits, &sample, random, hits.state, &mut wave.next);
+                }
+                Branch::First | Branch::Second => {
+                    follow_split::<M, F>(scene, &hits, strata, &params, branch, &mut wave.next);
+                }
+            }
+        }
+    }
+}
+
+impl Hits {
+    /// The hits at `at ..` of the queue of `M`'s kind.
+    #[inline(always)]
+    fn fetch<M: Material, const F: u32>(scene: &CompiledScene, wave: &Wave, at: usize) -> Self {
+        let queue = &wave.by_material[M::KIND as usize];
+        let rays = &wave.rays;
         let ray = load_u32(&queue.index, at);
         let (origin, direction) = gather_rays(rays, ray);
         let primitive = gather_u32(&wave.hits.primitive, ray);
@@ -74,8 +125,8 @@ pub fn shade<M: Material, const F: u32>(scene: &CompiledScene, item: &WorkItem, 
             Vec3s::select(behind, -outward, outward)
         };
         let frame = Frame::from_normal(normal);
-        let hits = Hits {
-            active,
+        Self {
+            active: Mask::first(queue.len - at),
             primitive,
             point,
             normal,
@@ -90,45 +141,11 @@ pub fn shade<M: Material, const F: u32>(scene: &CompiledScene, item: &WorkItem, 
                 F32s::splat(1.0)
             },
             random: {
-                let index = ray.to_array();
+                // Lanes past the end of the queue hold stale indices, still inside the column.
                 let random: &[u64] = &rays.random;
-                Pcg32s::from_states(std::array::from_fn(|lane| {
-                    // Lanes past the end of the queue hold stale indices, still inside the column.
-                    random[index[lane] as usize]
-                }))
+                Pcg32s::from_states(ray.to_array().map(|index| random[index as usize]))
             },
-        };
-        let strata = strata::<F>(scene, item, &hits);
-        let params = M::fetch(&scene.materials, material(scene, primitive));
-
-        if !M::SPECULAR && scene.on::<F>(Features::SHADOW_RAYS) {
-            sample_light::<M, F>(
-                scene,
-                &hits,
-                strata,
-                &params,
-                &mut wave.shadows,
-                &mut wave.counters.shadow_rays,
-            );
         }
-        if scene.on::<F>(Features::WHITTED) {
-            if !M::SPECULAR {
-                continue;
-            }
-            if let Some(branches) = M::split(&params, hits.wo) {
-                follow_both::<M, F>(scene, &hits, strata, &params, &branches, &mut wave.next);
-                continue;
-            }
-        }
-        let sample = M::sample(&params, hits.wo, direction_numbers(&hits, strata));
-        continue_path::<M, F>(
-            scene,
-            &hits,
-            &sample,
-            hits.random,
-            hits.state,
-            &mut wave.next,
-        );
     }
 }
 
@@ -166,8 +183,7 @@ fn sample_light<M: Material, const F: u32>(
     hits: &Hits,
     strata: HitStrata,
     params: &M::Params,
-    shadows: &mut ShadowQueue,
-    counts: &mut [u64; COUNTED_DEPTHS],
+    wave: &mut Wave,
 ) {
     let mut random = hits.random;
     let choice = strata.one(Dimension::LightChoice, random.next_f32());
@@ -176,6 +192,11 @@ fn sample_light<M: Material, const F: u32>(
         strata.pair(Dimension::LightPoint, [u, random.next_f32()])
     };
     let sample = light::sample::<F>(&scene.lights, hits.point.p, hits.normal, [choice, u, v]);
+    let mut valid = hits.active & sample.valid;
+    if scene.strategy == Strategy::Bsdf && !scene.on::<F>(Features::WHITTED) {
+        // Every other light is found by hitting it.
+        valid = valid & sample.delta;
+    }
     let (value, pdf) = M::eval(params, hits.wo, hits.frame.to_local(sample.direction));
     let mut weight = F32s::splat(1.0);
     if scene.on::<F>(Features::MIS) {
@@ -185,12 +206,13 @@ fn sample_light<M: Material, const F: u32>(
     }
     let incoming = sample.radiance * (weight / sample.pdf);
     let radiance = hits.throughput.mul_elem(value).mul_elem(incoming);
-    let brings = hits.active & sample.valid & radiance.max_elem().gt(F32s::splat(0.0));
+    let brings = valid & radiance.max_elem().gt(F32s::splat(0.0));
     if brings.none() {
         return;
     }
     let origin = spawn_origin(&hits.point, hits.normal, sample.direction);
     let t_max = sample.distance - F32s::splat(scene.light_point_error);
+    let shadows = &mut wave.shadows;
     let at = shadows.len;
     compress(&mut shadows.origin_x, at, brings, origin.x);
     compress(&mut shadows.origin_y, at, brings, origin.y);
@@ -211,35 +233,45 @@ fn sample_light<M: Material, const F: u32>(
     shadows.len += brings.count();
     let depth = (hits.state & U32s::splat(state::DEPTH)).to_array();
     for lane in brings.lanes() {
-        counts[(depth[lane] as usize).min(COUNTED_DEPTHS) - 1] += 1;
+        wave.counters.shadow_rays[(depth[lane] as usize).min(COUNTED_DEPTHS) - 1] += 1;
     }
 }
 
-/// Both branches where the path may still split, one chosen at random elsewhere.
+/// Sends one of both branches on where the path may still split; where not, the first branch is
+/// one chosen at random.
 #[inline(always)]
-fn follow_both<M: Material, const F: u32>(
+fn follow_split<M: Material, const F: u32>(
     scene: &CompiledScene,
     hits: &Hits,
     strata: HitStrata,
     params: &M::Params,
-    [first, second]: &[BsdfSample; 2],
+    branch: Branch,
     next: &mut RayQueue,
 ) {
+    let Some([first, second]) = M::split(params, hits.wo) else {
+        return;
+    };
     let splits = hits.state >> state::SPLIT.trailing_zeros();
     let may_split = splits.lt(U32s::splat(state::MOST_SPLITS));
-    let single = M::sample(params, hits.wo, direction_numbers(hits, strata));
     let split_state = hits.state + U32s::splat(state::SPLIT);
+    if branch == Branch::Second {
+        let second = BsdfSample {
+            valid: second.valid & may_split,
+            ..second
+        };
+        continue_path::<M, F>(scene, hits, &second, hits.random.branch(), split_state, next);
+        return;
+    }
+    let sampled = M::sample(params, hits.wo, direction_numbers(hits, strata));
     let first = BsdfSample {
-        wi: Vec3s::select(may_split, first.wi, single.wi),
-        weight: Vec3s::select(may_split, first.weight, single.weight),
-        pdf: single.pdf,
-        eta: may_split.select(first.eta, single.eta),
-        valid: (may_split & first.valid) | (!may_split & single.valid),
+        wi: Vec3s::select(may_split, first.wi, sampled.wi),
+        weight: Vec3s::select(may_split, first.weight, sampled.weight),
+        pdf: sampled.pdf,
+        eta: may_split.select(first.eta, sampled.eta),
+        valid: (may_split & first.valid) | (!may_split & sampled.valid),
     };
     let first_state = may_split.select_u32(split_state, hits.state);
     continue_path::<M, F>(scene, hits, &first, hits.random, first_state, next);
-    let second = BsdfSample { valid: second.valid & may_split, ..*second };
-    continue_path::<M, F>(scene, hits, &second, hits.random.branch(), split_state, next);
 }
 
 /// Appends the next ray of each active lane; `random` stands at the hit's first dimension.

@@ -9,7 +9,7 @@ use crate::math::{Vec3s, mis};
 use crate::wave::{Wave, add_radiance};
 
 /// Adds what the emitters that were hit send along the rays.
-pub fn shade_emission<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
+pub(super) fn shade_emission<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
     let rays = &wave.rays;
     for at in (0..wave.emitters.len).step_by(LANES) {
         let active = Mask::first(wave.emitters.len - at);

@@ -9,7 +9,7 @@ use crate::math::{Vec3s, mis};
 use crate::wave::{Wave, add_radiance};
 
 /// Adds the background seen by rays that left the scene.
-pub fn shade_escaped<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
+pub(super) fn shade_escaped<const F: u32>(scene: &CompiledScene, wave: &mut Wave) {
     let rays = &wave.rays;
     for at in (0..wave.escaped.len).step_by(LANES) {
         let active = Mask::first(wave.escaped.len - at);

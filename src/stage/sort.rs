@@ -7,7 +7,7 @@ use crate::math::lanes::{LANES, Mask, U32s, compress_u32, gather_u32, iota, load
 use crate::wave::{COUNTED_DEPTHS, IndexQueue, MATERIAL_KINDS, Wave, state};
 
 /// Puts each hit's index where it belongs. Hits at the depth limit are not shaded.
-pub fn sort(scene: &CompiledScene, wave: &mut Wave) {
+pub(super) fn sort(scene: &CompiledScene, wave: &mut Wave) {
     for queue in wave
         .by_material
         .iter_mut()

@@ -8,12 +8,12 @@ use wavepath::integrator::{Outcome, render};
 use wavepath::scene::{self, RenderSettings, SceneDescription};
 
 /// The folder of the repository's scenes.
-pub fn scenes() -> PathBuf {
+pub(crate) fn scenes() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
 }
 
 /// Every scene file of the repository, sorted by name.
-pub fn scene_files() -> Vec<PathBuf> {
+pub(crate) fn scene_files() -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = std::fs::read_dir(scenes())
         .expect("the scenes folder is there")
         .map(|entry| entry.expect("readable").path())
@@ -25,17 +25,17 @@ pub fn scene_files() -> Vec<PathBuf> {
 }
 
 /// A scene of the repository.
-pub fn load(name: &str) -> SceneDescription {
+pub(crate) fn load(name: &str) -> SceneDescription {
     scene::load(&scenes().join(name), &[]).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// A scene from text.
-pub fn parse(text: &str) -> SceneDescription {
+pub(crate) fn parse(text: &str) -> SceneDescription {
     scene::parse(text, Path::new("test.toml"), &[]).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Renders through camera `camera` at `width` × `height`.
-pub fn picture(
+pub(crate) fn picture(
     scene: &SceneDescription,
     camera: usize,
     [width, height]: [u32; 2],
@@ -51,7 +51,7 @@ pub fn picture(
 
 /// Mean radiance of the whole image and its standard error, per channel, from the spread of the
 /// pixels' estimates.
-pub fn image_mean(outcome: &Outcome) -> [(f64, f64); 3] {
+pub(crate) fn image_mean(outcome: &Outcome) -> [(f64, f64); 3] {
     let film = &outcome.film;
     let n = film.len() as f64;
     std::array::from_fn(|c| {

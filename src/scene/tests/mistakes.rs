@@ -237,7 +237,7 @@ fn numbers_outside_their_range_are_errors() {
         "`sides` must be between 3 and 2048",
     );
     assert_mistake("spp = 4", "spp = @0", "`spp` must be > 0");
-    assert_mistake("spp = 4", "max-depth = @0", "`max-depth` must be > 0");
+    assert_mistake("spp = 4", "max_depth = @0", "`max_depth` must be > 0");
     assert_mistake("spp = 4", "@spp = -1", "invalid value");
     assert_mistake("ior = 1.5", "ior = @1e999", "number too large");
     assert_mistake(

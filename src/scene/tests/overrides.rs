@@ -9,7 +9,7 @@ fn overrides_replace_and_add_values() {
     let scene = parse_valid(&[
         "film.width=64",
         " film.exposure = 1.5 ",
-        "render.max-depth=7",
+        "render.max_depth=7",
         "background.radiance=[1, 2, 3]",
         "materials.glass.ior=1.75",
         "materials.glass.fresnel=schlick",
