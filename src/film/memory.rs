@@ -35,7 +35,7 @@ pub(super) fn available_bytes() -> Option<u64> {
     let machine = std::fs::read_to_string("/proc/meminfo")
         .ok()
         .as_deref()
-        .and_then(mem_available);
+        .and_then(|text| bytes_field(text, "MemAvailable:"));
     let group = std::fs::read_to_string("/sys/fs/cgroup/memory.max")
         .ok()
         .and_then(|text| text.trim().parse().ok());

@@ -232,14 +232,15 @@ fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-/// Three or more significant digits with a decimal prefix.
+/// Up to four digits as they are, else three or more with a decimal prefix.
 fn quantity(count: f64) -> String {
-    for (limit, suffix) in [(1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")] {
-        if count >= 10.0 * limit {
-            return format!("{:.1} {suffix}", count / limit);
-        }
+    match count {
+        1e12.. => format!("{:.2} T", count * 1e-12),
+        1e9.. => format!("{:.2} G", count * 1e-9),
+        1e6.. => format!("{:.2} M", count * 1e-6),
+        1e4.. => format!("{:.2} k", count * 1e-3),
+        _ => format!("{count:.0}"),
     }
-    format!("{count:.0}")
 }
 
 fn mebibytes(bytes: u64) -> String {
@@ -319,9 +320,10 @@ mod tests {
         for (count, text) in [
             (0.0, "0"),
             (9999.0, "9999"),
-            (12_345.0, "12.3 k"),
-            (3.2e8, "320.0 M"),
-            (1e14, "100.0 T"),
+            (12_345.0, "12.35 k"),
+            (1e6, "1.00 M"),
+            (3.2e8, "320.00 M"),
+            (1e14, "100.00 T"),
         ] {
             assert_eq!(quantity(count), text);
         }
