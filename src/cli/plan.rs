@@ -2,6 +2,7 @@
 
 use crate::compile::compile;
 use crate::error::Result;
+use crate::integrator::plan::Plan;
 
 use super::job::SceneJob;
 use super::{Status, note, print};
@@ -24,6 +25,6 @@ pub(super) fn run(job: &SceneJob) -> Result<Status> {
         job.camera_name(),
         film.width,
         film.height,
-        compiled.plan().to_string().trim_end(),
+        Plan::new(&compiled, &job.settings).to_string().trim_end(),
     ))
 }

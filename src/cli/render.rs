@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::compile::compile;
 use crate::error::{Error, Result};
 use crate::film::{Film, Provenance, write_atomically, write_image};
-use crate::integrator::{self, stats::EndReason};
+use crate::integrator::{self, plan::Plan, stats::EndReason};
 use crate::report::{Build, Machine, RenderReport, ReportInput, SceneReport, Stopwatch, Times};
 
 use super::job::{RenderJob, SceneJob};
@@ -57,6 +57,7 @@ pub(super) fn run(job: &RenderJob) -> Result<Status> {
     let images = write_images(job, &outcome.film)?;
     let write = watch.span();
 
+    let plan = Plan::new(&compiled, settings);
     let report = RenderReport::new(ReportInput {
         scene: SceneReport {
             name: job.scene_job.name(),
@@ -65,7 +66,8 @@ pub(super) fn run(job: &RenderJob) -> Result<Status> {
             height: outcome.film.height(),
         },
         settings,
-        plan: serde_json::to_value(compiled.plan()).expect("a plan is plain data with string keys"),
+        plan: serde_json::to_value(&plan).expect("a plan is plain data with string keys"),
+        accel: plan.accel,
         machine,
         film: &outcome.film,
         stats: &outcome.stats,

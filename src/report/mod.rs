@@ -33,6 +33,8 @@ pub struct RenderReport {
     pub settings: RenderSettings,
     /// What the scene needs and what was left out, as `wavepath plan` tells.
     pub plan: serde_json::Value,
+    /// Name of the acceleration structure that was used.
+    pub accel: String,
     /// What came out.
     pub result: ResultReport,
     /// Where the time went, by phase.
@@ -178,9 +180,7 @@ pub struct DepthReport {
     pub rays: u64,
     /// Shadow rays from hits at this depth.
     pub shadow_rays: u64,
-    /// Passes of the wave loop in which rays of this depth were traced.
-    pub passes: u64,
-    /// Mean share of the wave's slots that rays of this depth held in those passes, in [0, 1].
+    /// Mean share of the wave's slots that held rays of this depth, in [0, 1].
     pub queue_fill: f64,
 }
 
@@ -215,6 +215,8 @@ pub struct ReportInput<'a> {
     pub settings: &'a RenderSettings,
     /// The serialised plan.
     pub plan: serde_json::Value,
+    /// Name of the acceleration structure that was used.
+    pub accel: String,
     /// The machine before the render.
     pub machine: Machine,
     /// The film at the end.
@@ -236,6 +238,7 @@ impl RenderReport {
             scene,
             settings,
             plan,
+            accel,
             machine,
             film,
             stats,
@@ -251,6 +254,7 @@ impl RenderReport {
             scene,
             settings: settings.clone(),
             plan,
+            accel,
             result: ResultReport {
                 ended,
                 min_samples: film.min_samples(),
@@ -282,7 +286,7 @@ impl RenderReport {
                 tests_per_ray: ratio(stats.accel_tests as f64, rays as f64),
             },
             stages: stages(stats),
-            depths: depths(&stats.depths, settings.wave),
+            depths: depths(&stats.depths),
             queues: QueueReport {
                 fill: stats.queue_fill,
                 passes: stats.passes,
@@ -318,13 +322,12 @@ fn stages(stats: &RenderStats) -> Vec<StageReport> {
         .collect()
 }
 
-fn depths(depths: &[DepthStats], wave: usize) -> Vec<DepthReport> {
+fn depths(depths: &[DepthStats]) -> Vec<DepthReport> {
     let report = |(index, stats): (usize, &DepthStats)| DepthReport {
         depth: index + 1,
         rays: stats.rays,
         shadow_rays: stats.shadow_rays,
-        passes: stats.passes,
-        queue_fill: ratio(stats.rays as f64, stats.passes as f64 * wave as f64),
+        queue_fill: stats.queue_fill,
     };
     depths.iter().enumerate().map(report).collect()
 }
@@ -384,12 +387,12 @@ pub(crate) mod tests {
                 DepthStats {
                     rays: 1000,
                     shadow_rays: 900,
-                    passes: 2,
+                    queue_fill: 0.625,
                 },
                 DepthStats {
                     rays: 500,
                     shadow_rays: 400,
-                    passes: 2,
+                    queue_fill: 0.25,
                 },
             ],
             queue_fill: 0.875,
@@ -420,6 +423,7 @@ pub(crate) mod tests {
             },
             settings: &settings,
             plan: serde_json::json!({ "stages": ["generate", "intersect"], "bytes": 96 }),
+            accel: "linear".into(),
             machine: Machine::read(),
             film: &film,
             stats: &stats,
@@ -458,7 +462,10 @@ pub(crate) mod tests {
             (report.paths.per_cpu_second, report.paths.mean_length),
             (500.0, 3.0)
         );
-        assert_eq!(report.depths[1].queue_fill, 0.25);
+        assert_eq!(
+            (report.depths[1].depth, report.depths[1].queue_fill),
+            (2, 0.25)
+        );
         assert_eq!(
             (report.result.min_samples, report.result.mean_samples),
             (6, 6.0)
@@ -513,6 +520,7 @@ pub(crate) mod tests {
             },
             settings: &RenderSettings::default(),
             plan: serde_json::Value::Null,
+            accel: String::new(),
             machine: Machine::read(),
             film: &Film::new(1, 1, false),
             stats: &RenderStats::default(),

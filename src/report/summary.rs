@@ -5,7 +5,7 @@ use std::fmt;
 use clap::ValueEnum;
 
 use crate::integrator::stats::EndReason;
-use crate::scene::Budget;
+use crate::scene::{AccelKind, Budget};
 
 use super::{DepthReport, RenderReport, Span, ratio};
 
@@ -46,13 +46,16 @@ impl RenderReport {
         let depth = settings
             .max_depth
             .map_or("none".to_owned(), |depth| depth.to_string());
+        let accel = match settings.accel {
+            AccelKind::Auto => format!("auto ({})", self.accel),
+            chosen => name(chosen),
+        };
         writeln!(
             f,
-            "{}, strategy {}, sampler {}, accel {}, depth limit {depth}, roulette from {}",
+            "{}, strategy {}, sampler {}, accel {accel}, depth limit {depth}, roulette from {}",
             name(settings.integrator),
             name(settings.strategy),
             name(settings.sampler),
-            name(settings.accel),
             settings.roulette_depth,
         )?;
         writeln!(
@@ -168,14 +171,12 @@ impl RenderReport {
         let (shallow, deep) = self.depths.split_at(own_lines);
         let mut line = |label: &str, depths: &[DepthReport]| {
             let sum = |count: fn(&DepthReport) -> u64| depths.iter().map(count).sum::<u64>() as f64;
-            let rays = sum(|depth| depth.rays);
-            let slots = sum(|depth| depth.passes) * self.settings.wave as f64;
             writeln!(
                 f,
                 "{label:<14}{:>10}{:>10}{:>10}",
-                quantity(rays),
+                quantity(sum(|depth| depth.rays)),
                 quantity(sum(|depth| depth.shadow_rays)),
-                percent(ratio(rays, slots)),
+                percent(depths.iter().map(|depth| depth.queue_fill).sum()),
             )
         };
         for depth in shallow {
@@ -260,6 +261,7 @@ mod tests {
             "estimated relative error",
             "ended by interruption",
             "biased: depth limit 16: 3 paths cut",
+            "path, strategy mis, sampler independent, accel auto (linear), depth limit 16, roulette from 5",
             "seed 18446744073709551615, 2 threads, wave 1000, block 16",
             "lanes",
             "load               0.100     0.300",
@@ -290,7 +292,6 @@ mod tests {
             depth: 0,
             rays: 10,
             shadow_rays: 5,
-            passes: 1,
             queue_fill: 0.01,
         };
         report.depths = (1..=20)
@@ -305,7 +306,7 @@ mod tests {
             "{text}"
         );
         assert!(
-            text.contains("9 to 20              120        60     1.0 %"),
+            text.contains("9 to 20              120        60    12.0 %"),
             "{text}"
         );
         report.depths.truncate(9);
