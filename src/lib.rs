@@ -1,5 +1,6 @@
 //! wavepath
 pub mod accel;
+pub mod cli;
 pub mod compile;
 pub mod error;
 pub mod film;

@@ -10,10 +10,10 @@ use wavepath::stage::Kernels;
 use wavepath::wave::Wave;
 
 /// Samples per pixel in a work item.
-pub const SAMPLES: u32 = 16;
+pub(crate) const SAMPLES: u32 = 16;
 
 /// The description of a scene of the repository.
-pub fn load(name: &str) -> SceneDescription {
+pub(crate) fn load(name: &str) -> SceneDescription {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join("scenes")
         .join(name);
@@ -21,7 +21,7 @@ pub fn load(name: &str) -> SceneDescription {
 }
 
 /// Settings of the measured render: depth 16, roulette from depth 5, one thread.
-pub fn settings() -> RenderSettings {
+pub(crate) fn settings() -> RenderSettings {
     RenderSettings {
         max_depth: Some(16),
         roulette_depth: 5,
@@ -31,20 +31,20 @@ pub fn settings() -> RenderSettings {
 }
 
 /// A scene, its kernels, and a wave in the middle of a work item.
-pub struct Bench {
+pub(crate) struct Bench {
     /// The scene.
-    pub scene: CompiledScene,
+    pub(crate) scene: CompiledScene,
     /// Its stages.
-    pub kernels: Kernels,
+    pub(crate) kernels: Kernels,
     /// A tile in the middle of the image.
-    pub item: WorkItem,
+    pub(crate) item: WorkItem,
     /// The wave.
-    pub wave: Wave,
+    pub(crate) wave: Wave,
 }
 
 impl Bench {
     /// The hexagonal room with exact Fresnel reflectance, 800 × 800.
-    pub fn hexroom() -> Self {
+    pub(crate) fn hexroom() -> Self {
         flush_denormals();
         let settings = settings();
         let scene = compile(&load("hexroom-exact.toml"), 0, 800, 800, &settings).expect("compiles");
@@ -77,7 +77,7 @@ impl Bench {
 
     /// Runs whole passes, so that the wave holds a mix of depths, then up to (not including) the
     /// stage called `stop`.
-    pub fn advance(mut self, passes: usize, stop: &str) -> Self {
+    pub(crate) fn advance(mut self, passes: usize, stop: &str) -> Self {
         for pass in 0..=passes {
             let last = pass == passes;
             let Self {

@@ -82,9 +82,10 @@ pub fn compare(a: &ExrImage, b: &ExrImage) -> Result<Comparison> {
     let mut max_difference = 0.0;
     let mut max_pixel = pixels[0];
     for &pixel in &pixels {
-        for channel in 0..3 {
-            let reference = f64::from(b.mean[pixel][channel]);
-            let delta = f64::from(a.mean[pixel][channel]) - reference;
+        for (channel, (&value, &reference)) in a.mean[pixel].iter().zip(&b.mean[pixel]).enumerate()
+        {
+            let reference = f64::from(reference);
+            let delta = f64::from(value) - reference;
             difference[channel] += delta;
             squares += delta * delta;
             relative += relative_square(delta * delta, reference, epsilon);
@@ -180,8 +181,8 @@ fn variance_sums(a: &ExrImage, b: &ExrImage, pixels: &[usize]) -> Option<[f64; 3
     let (a, b) = (a.variance.as_ref()?, b.variance.as_ref()?);
     let mut sums = [0.0; 3];
     for &pixel in pixels {
-        for channel in 0..3 {
-            sums[channel] += f64::from(a[pixel][channel]) + f64::from(b[pixel][channel]);
+        for (sum, (&a, &b)) in sums.iter_mut().zip(a[pixel].iter().zip(&b[pixel])) {
+            *sum += f64::from(a) + f64::from(b);
         }
     }
     Some(sums)

@@ -111,9 +111,9 @@ impl Film {
         debug_assert!(samples > 0, "a block has samples");
         let sums = &mut self.pixels[pixel];
         let per_sample = 1.0 / f64::from(samples);
-        for channel in 0..3 {
-            sums.sum[channel] += sum[channel];
-            sums.squares[channel] += sum[channel] * sum[channel] * per_sample;
+        for (channel, value) in sum.into_iter().enumerate() {
+            sums.sum[channel] += value;
+            sums.squares[channel] += value * value * per_sample;
         }
         sums.samples += u64::from(samples);
         sums.blocks += 1;
@@ -233,8 +233,8 @@ impl Film {
         for pixel in 0..self.len() {
             let mean = self.mean(pixel);
             let variance = self.variance(pixel)?;
-            for channel in 0..3 {
-                sum += relative_square(variance[channel], mean[channel], epsilon);
+            for (variance, mean) in variance.into_iter().zip(mean) {
+                sum += relative_square(variance, mean, epsilon);
             }
         }
         Some((sum / (3 * self.len()) as f64).sqrt())

@@ -279,12 +279,9 @@ mod tests {
         let image = read_exr(&path).unwrap();
         assert_eq!((image.width, image.height), (5, 3));
         let variance = image.variance.unwrap();
-        for pixel in 0..film.len() {
-            assert_eq!(image.mean[pixel], film.mean(pixel).map(|v| v as f32));
-            assert_eq!(
-                variance[pixel],
-                film.variance(pixel).unwrap().map(|v| v as f32)
-            );
+        for (pixel, (mean, variance)) in image.mean.iter().zip(&variance).enumerate() {
+            assert_eq!(*mean, film.mean(pixel).map(|v| v as f32));
+            assert_eq!(*variance, film.variance(pixel).unwrap().map(|v| v as f32));
         }
         assert_eq!(image.samples.unwrap(), vec![4; film.len()]);
     }

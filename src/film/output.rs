@@ -107,12 +107,13 @@ fn temporary(path: &Path, target: &Path) -> Result<NamedTempFile> {
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     builder.tempfile_in(directory).map_err(|error| {
-        // The message names the random temporary file; the user knows only the directory.
-        let reason = std::io::Error::from(error.kind());
-        Error::io(
-            path,
-            &std::io::Error::other(format!("cannot write in {}: {reason}", directory.display())),
-        )
+        // The library's message names the temporary file, of which the user knows nothing.
+        let reason = error.kind();
+        let text = format!(
+            "cannot write in the directory {}: {reason}",
+            directory.display()
+        );
+        Error::io(path, &std::io::Error::other(text))
     })
 }
 

@@ -36,7 +36,11 @@ pub(super) fn write_rgb8(path: &Path, width: u32, height: u32, bytes: &[u8]) -> 
 /// The sRGB transfer curve (IEC 61966-2-1) of a linear value, clipped to [0, 1], as a byte. NaN,
 /// which only 0 × ∞ could make here, is black.
 pub(super) fn srgb_byte(linear: f64) -> u8 {
-    let clipped = linear.max(0.0).min(1.0);
+    let clipped = if linear.is_nan() {
+        0.0
+    } else {
+        linear.clamp(0.0, 1.0)
+    };
     let encoded = if clipped <= 0.003_130_8 {
         12.92 * clipped
     } else {

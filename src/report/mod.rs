@@ -33,6 +33,8 @@ pub struct RenderReport {
     pub settings: RenderSettings,
     /// What the scene needs and what was left out, as `wavepath plan` tells.
     pub plan: serde_json::Value,
+    /// Name of the acceleration structure that was used.
+    pub accel: String,
     /// What came out.
     pub result: ResultReport,
     /// Where the time went, by phase.
@@ -213,6 +215,8 @@ pub struct ReportInput<'a> {
     pub settings: &'a RenderSettings,
     /// The serialised plan.
     pub plan: serde_json::Value,
+    /// Name of the acceleration structure that was used.
+    pub accel: String,
     /// The machine before the render.
     pub machine: Machine,
     /// The film at the end.
@@ -234,6 +238,7 @@ impl RenderReport {
             scene,
             settings,
             plan,
+            accel,
             machine,
             film,
             stats,
@@ -249,6 +254,7 @@ impl RenderReport {
             scene,
             settings: settings.clone(),
             plan,
+            accel,
             result: ResultReport {
                 ended,
                 min_samples: film.min_samples(),
@@ -381,12 +387,12 @@ pub(crate) mod tests {
                 DepthStats {
                     rays: 1000,
                     shadow_rays: 900,
-                    passes: 2,
+                    queue_fill: 0.625,
                 },
                 DepthStats {
                     rays: 500,
                     shadow_rays: 400,
-                    passes: 2,
+                    queue_fill: 0.25,
                 },
             ],
             queue_fill: 0.875,
@@ -417,6 +423,7 @@ pub(crate) mod tests {
             },
             settings: &settings,
             plan: serde_json::json!({ "stages": ["generate", "intersect"], "bytes": 96 }),
+            accel: "linear".into(),
             machine: Machine::read(),
             film: &film,
             stats: &stats,
@@ -455,7 +462,10 @@ pub(crate) mod tests {
             (report.paths.per_cpu_second, report.paths.mean_length),
             (500.0, 3.0)
         );
-        assert_eq!(report.depths[1].queue_fill, 0.25);
+        assert_eq!(
+            (report.depths[1].depth, report.depths[1].queue_fill),
+            (2, 0.25)
+        );
         assert_eq!(
             (report.result.min_samples, report.result.mean_samples),
             (6, 6.0)
@@ -510,6 +520,7 @@ pub(crate) mod tests {
             },
             settings: &RenderSettings::default(),
             plan: serde_json::Value::Null,
+            accel: String::new(),
             machine: Machine::read(),
             film: &Film::new(1, 1, false),
             stats: &RenderStats::default(),

@@ -5,7 +5,7 @@ use std::fmt;
 use clap::ValueEnum;
 
 use crate::integrator::stats::EndReason;
-use crate::scene::Budget;
+use crate::scene::{AccelKind, Budget};
 
 use super::{DepthReport, RenderReport, Span, ratio};
 
@@ -46,13 +46,16 @@ impl RenderReport {
         let depth = settings
             .max_depth
             .map_or("none".to_owned(), |depth| depth.to_string());
+        let accel = match settings.accel {
+            AccelKind::Auto => format!("auto ({})", self.accel),
+            chosen => name(chosen),
+        };
         writeln!(
             f,
-            "{}, strategy {}, sampler {}, accel {}, depth limit {depth}, roulette from {}",
+            "{}, strategy {}, sampler {}, accel {accel}, depth limit {depth}, roulette from {}",
             name(settings.integrator),
             name(settings.strategy),
             name(settings.sampler),
-            name(settings.accel),
             settings.roulette_depth,
         )?;
         writeln!(
@@ -168,14 +171,12 @@ impl RenderReport {
         let (shallow, deep) = self.depths.split_at(own_lines);
         let mut line = |label: &str, depths: &[DepthReport]| {
             let sum = |count: fn(&DepthReport) -> u64| depths.iter().map(count).sum::<u64>() as f64;
-            let rays = sum(|depth| depth.rays);
-            let fill = depths.iter().map(|depth| depth.queue_fill).sum();
             writeln!(
                 f,
                 "{label:<14}{:>10}{:>10}{:>10}",
-                quantity(rays),
+                quantity(sum(|depth| depth.rays)),
                 quantity(sum(|depth| depth.shadow_rays)),
-                percent(fill),
+                percent(depths.iter().map(|depth| depth.queue_fill).sum()),
             )
         };
         for depth in shallow {
@@ -232,14 +233,15 @@ fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-/// Three or more significant digits with a decimal prefix.
+/// Up to four digits as they are, else three or more with a decimal prefix.
 fn quantity(count: f64) -> String {
-    for (limit, suffix) in [(1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")] {
-        if count >= 10.0 * limit {
-            return format!("{:.1} {suffix}", count / limit);
-        }
+    match count {
+        1e12.. => format!("{:.2} T", count * 1e-12),
+        1e9.. => format!("{:.2} G", count * 1e-9),
+        1e6.. => format!("{:.2} M", count * 1e-6),
+        1e4.. => format!("{:.2} k", count * 1e-3),
+        _ => format!("{count:.0}"),
     }
-    format!("{count:.0}")
 }
 
 fn mebibytes(bytes: u64) -> String {
@@ -259,6 +261,7 @@ mod tests {
             "estimated relative error",
             "ended by interruption",
             "biased: depth limit 16: 3 paths cut",
+            "path, strategy mis, sampler independent, accel auto (linear), depth limit 16, roulette from 5",
             "seed 18446744073709551615, 2 threads, wave 1000, block 16",
             "lanes",
             "load               0.100     0.300",
@@ -289,7 +292,6 @@ mod tests {
             depth: 0,
             rays: 10,
             shadow_rays: 5,
-            passes: 1,
             queue_fill: 0.01,
         };
         report.depths = (1..=20)
@@ -304,7 +306,7 @@ mod tests {
             "{text}"
         );
         assert!(
-            text.contains("9 to 20              120        60     1.0 %"),
+            text.contains("9 to 20              120        60    12.0 %"),
             "{text}"
         );
         report.depths.truncate(9);
@@ -319,9 +321,10 @@ mod tests {
         for (count, text) in [
             (0.0, "0"),
             (9999.0, "9999"),
-            (12_345.0, "12.3 k"),
-            (3.2e8, "320.0 M"),
-            (1e14, "100.0 T"),
+            (12_345.0, "12.35 k"),
+            (1e6, "1.00 M"),
+            (3.2e8, "320.00 M"),
+            (1e14, "100.00 T"),
         ] {
             assert_eq!(quantity(count), text);
         }

@@ -51,7 +51,7 @@
 //! | `[[shapes]]` | everything with a surface |
 //! | `[[lights]]` | lights without a surface: `type = "point"`, `position`, `intensity`, `name` (optional) |
 //! | `[background]` | `radiance` of every ray that leaves the scene; default 0 |
-//! | `[render]` | defaults of the render's settings: the keys of [`RenderDefaults`], in kebab-case |
+//! | `[render]` | defaults of the render's settings: the keys of [`RenderDefaults`] |
 //!
 //! ## Cameras
 //! Either `eye`, `look_at`, `up`, `fov` as above: then the image plane has the film's aspect. Or

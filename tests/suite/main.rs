@@ -2,6 +2,7 @@
 
 mod agreement;
 mod builder;
+mod cli;
 mod determinism;
 mod furnace;
 mod oracles;

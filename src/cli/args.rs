@@ -1,0 +1,198 @@
+//! What the user typed. What it means is decided in `job`.
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+
+use crate::scene::{AccelKind, IntegratorKind, SamplerKind, Strategy};
+
+/// A data-oriented wavefront path tracer for CPUs.
+///
+/// Without a command it renders the hexagonal room into hexroom.png.
+#[derive(Debug, Parser)]
+#[command(
+    name = "wavepath",
+    version = concat!(env!("CARGO_PKG_VERSION"), " (", env!("WAVEPATH_COMMIT"), ")")
+)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    pub(super) command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Render a scene
+    Render(Box<RenderArgs>),
+    /// Print what a scene needs, and what was left out because it does not
+    Plan(Box<SceneArgs>),
+    /// Compare an image with a reference
+    Compare(CompareArgs),
+}
+
+/// What decides how a scene is compiled.
+#[derive(Debug, clap::Args)]
+pub(super) struct SceneArgs {
+    /// Scene file (TOML)
+    pub(super) scene: PathBuf,
+
+    /// Camera, by its name in the scene [default: the scene's first]
+    #[arg(long, value_name = "NAME")]
+    pub(super) camera: Option<String>,
+
+    /// Pixels across [default: the scene's]
+    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
+    pub(super) width: Option<u32>,
+
+    /// Pixels down [default: the scene's]
+    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
+    pub(super) height: Option<u32>,
+
+    /// Which light transport is computed [default: the scene's, else path]
+    #[arg(long, value_name = "KIND")]
+    pub(super) integrator: Option<IntegratorKind>,
+
+    /// How a path finds light [default: the scene's, else mis]
+    #[arg(long, value_name = "KIND")]
+    pub(super) strategy: Option<Strategy>,
+
+    /// Where sample points come from [default: the scene's, else independent]
+    #[arg(long, value_name = "KIND")]
+    pub(super) sampler: Option<SamplerKind>,
+
+    /// Acceleration structure [default: the scene's, else auto]
+    #[arg(long, value_name = "KIND")]
+    pub(super) accel: Option<AccelKind>,
+
+    /// Most path segments: 1 is emitted light alone, 2 adds direct light [default: the scene's, else
+    /// no limit]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) max_depth: Option<u32>,
+
+    /// First depth, in segments already traced, at which roulette may end a path [default: the
+    /// scene's, else 5]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) roulette_depth: Option<u32>,
+
+    /// Let shadow rays pass straight through glass, weighted by its transmittance (biased)
+    #[arg(long)]
+    pub(super) transparent_shadows: bool,
+
+    /// Also accumulate albedo, normal and depth of the first hit, as layers of an EXR image
+    #[arg(long)]
+    pub(super) aux: bool,
+
+    /// Run the kernels that can do everything, though the scene does not need them (same image)
+    #[arg(long)]
+    pub(super) force_features: bool,
+
+    /// Paths in flight per thread (same image) [default: 1024]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) wave: Option<usize>,
+
+    /// Samples per pixel in one block, the unit of scheduling and of the error estimate [default: 16]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) block: Option<u32>,
+
+    /// Replace a value of the scene file; may be given several times
+    #[arg(long, value_name = "PATH.TO.KEY=VALUE")]
+    pub(super) set: Vec<String>,
+}
+
+/// `wavepath render`
+#[derive(Debug, clap::Args)]
+pub(super) struct RenderArgs {
+    #[command(flatten)]
+    pub(super) scene: SceneArgs,
+
+    /// Image to write, .png or .exr; may be given several times [default: the scene's name with .png]
+    #[arg(short, long, value_name = "FILE")]
+    pub(super) output: Vec<PathBuf>,
+
+    #[command(flatten)]
+    pub(super) budget: BudgetArgs,
+
+    /// Worker threads (same image) [default: all cores]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) threads: Option<usize>,
+
+    /// Seed of every random number [default: the scene's, else 0]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) seed: Option<u64>,
+
+    /// Write the report of the render as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub(super) report: Option<PathBuf>,
+
+    /// Show neither progress nor summary
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+}
+
+/// What ends a render; at most one of them.
+#[derive(Debug, Default, clap::Args)]
+#[group(multiple = false)]
+pub(super) struct BudgetArgs {
+    /// End after this many samples per pixel [default: the scene's, else 64]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) spp: Option<u64>,
+
+    /// End after this many seconds of rendering
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub(super) seconds: Option<f64>,
+
+    /// End when the image's estimated relative error is at most this fraction (0.03 is 3 %)
+    #[arg(long, value_name = "E", allow_negative_numbers = true)]
+    pub(super) error: Option<f64>,
+}
+
+/// `wavepath compare`
+#[derive(Debug, clap::Args)]
+pub(super) struct CompareArgs {
+    /// EXR image
+    pub(super) a: PathBuf,
+
+    /// EXR image of the same size, the reference
+    pub(super) b: PathBuf,
+
+    /// Exit with code 1 if relMSE is larger, or if a pixel is not finite
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    pub(super) max_relmse: Option<f64>,
+
+    /// Write the relative difference of luminance: red where A is brighter, blue where B is
+    #[arg(long, value_name = "FILE.png")]
+    pub(super) diff: Option<PathBuf>,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn definitions_do_not_contradict_each_other() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn documented_defaults_are_those_of_the_settings() {
+        let settings = crate::scene::RenderSettings::default();
+        let help = Args::command()
+            .find_subcommand_mut("render")
+            .unwrap()
+            .render_long_help()
+            .to_string()
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ");
+        for default in [
+            format!("[default: {}]", settings.wave),
+            format!("[default: {}]", settings.block),
+            format!("else {}]", settings.roulette_depth),
+            "else 64]".to_owned(),
+        ] {
+            assert!(help.contains(&default), "{default} is not in\n{help}");
+        }
+        assert_eq!(settings.budget, crate::scene::Budget::Samples(64));
+    }
+}

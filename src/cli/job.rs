@@ -1,0 +1,337 @@
+//! What the arguments mean, after every check that needs no rendering.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::film::{ImageFormat, check_memory, check_writable};
+use crate::report::{Span, Stopwatch};
+use crate::scene::{self, Budget, RenderSettings, SceneDescription};
+
+use super::args::{BudgetArgs, RenderArgs, SceneArgs};
+
+/// Scene of the default command, as a path from the repository's root.
+const BUILT_IN_PATH: &str = "scenes/hexroom.toml";
+
+/// The same scene, for when that file is not there.
+const BUILT_IN_TEXT: &str = include_str!("../../scenes/hexroom.toml");
+
+/// Most pixels across or down, as for scene files.
+const MAX_SIDE: u32 = 65_535;
+
+/// Most samples per block: the film sums a block in f32 before it adds it in f64.
+const MAX_BLOCK: u32 = 64;
+
+/// Most worker threads. Beyond any machine; it stops a slip of the keyboard from exhausting one.
+const MAX_THREADS: usize = 4096;
+
+/// Most paths in flight per thread: a few GiB of queues.
+const MAX_WAVE: usize = 1 << 24;
+
+/// A loaded scene with the settings and the camera to look with. The film's size is the wanted one.
+#[derive(Debug)]
+pub(super) struct SceneJob {
+    pub(super) scene: SceneDescription,
+    /// Index into the scene's cameras.
+    pub(super) camera: usize,
+    pub(super) settings: RenderSettings,
+    /// Time that loading took.
+    pub(super) load: Span,
+}
+
+/// A render with everything that it needs, files found to be writable.
+#[derive(Debug)]
+pub(super) struct RenderJob {
+    pub(super) scene_job: SceneJob,
+    /// Images to write, at least one.
+    pub(super) images: Vec<PathBuf>,
+    pub(super) report: Option<PathBuf>,
+    pub(super) quiet: bool,
+}
+
+impl SceneJob {
+    pub(super) fn new(args: &SceneArgs) -> Result<Self> {
+        check_scene_args(args)?;
+        let watch = Stopwatch::start();
+        let mut scene = scene::load(&args.scene, &args.set)?;
+        let load = watch.span();
+        scene.film.width = args.width.unwrap_or(scene.film.width);
+        scene.film.height = args.height.unwrap_or(scene.film.height);
+        let camera = args
+            .camera
+            .as_ref()
+            .map_or(Ok(0), |name| find_camera(&scene, name))?;
+        let defaults = RenderSettings::from_defaults(&scene.render);
+        let settings = RenderSettings {
+            integrator: args.integrator.unwrap_or(defaults.integrator),
+            strategy: args.strategy.unwrap_or(defaults.strategy),
+            sampler: args.sampler.unwrap_or(defaults.sampler),
+            accel: args.accel.unwrap_or(defaults.accel),
+            wave: args.wave.unwrap_or(defaults.wave),
+            block: args.block.unwrap_or(defaults.block),
+            max_depth: args.max_depth.or(defaults.max_depth),
+            roulette_depth: args.roulette_depth.unwrap_or(defaults.roulette_depth),
+            transparent_shadows: args.transparent_shadows || defaults.transparent_shadows,
+            aux: args.aux,
+            force_features: args.force_features,
+            ..defaults
+        };
+        Ok(Self {
+            scene,
+            camera,
+            settings,
+            load,
+        })
+    }
+
+    /// The scene of the default command, as its file says.
+    fn built_in() -> Result<Self> {
+        let path = Path::new(BUILT_IN_PATH);
+        let watch = Stopwatch::start();
+        let scene = if path.exists() {
+            scene::load(path, &[])?
+        } else {
+            scene::parse(BUILT_IN_TEXT, path, &[])?
+        };
+        let load = watch.span();
+        let settings = RenderSettings::from_defaults(&scene.render);
+        Ok(Self {
+            scene,
+            camera: 0,
+            settings,
+            load,
+        })
+    }
+
+    /// The scene's name: its file without the extension.
+    pub(super) fn name(&self) -> String {
+        stem(&self.scene.source).to_string_lossy().into_owned()
+    }
+
+    /// Name of the chosen camera.
+    pub(super) fn camera_name(&self) -> &str {
+        &self.scene.cameras[self.camera].name
+    }
+}
+
+impl RenderJob {
+    pub(super) fn new(args: &RenderArgs) -> Result<Self> {
+        // First what is quick to check: loading a large scene takes its time.
+        let budget = budget(&args.budget)?;
+        check_range("--threads", args.threads, 1, MAX_THREADS)?;
+        let images = match args.output.as_slice() {
+            [] => vec![default_image(&args.scene.scene)],
+            given => given.to_vec(),
+        };
+        check_outputs(&images, args.report.as_deref())?;
+        let mut scene_job = SceneJob::new(&args.scene)?;
+        let settings = &mut scene_job.settings;
+        settings.budget = budget.unwrap_or(settings.budget);
+        settings.threads = args.threads.unwrap_or(settings.threads);
+        settings.seed = args.seed.unwrap_or(settings.seed);
+        Self {
+            scene_job,
+            images,
+            report: args.report.clone(),
+            quiet: args.quiet,
+        }
+        .checked()
+    }
+
+    /// The default command: the hexagonal room into `hexroom.png`.
+    pub(super) fn built_in() -> Result<Self> {
+        let images = vec![default_image(Path::new(BUILT_IN_PATH))];
+        check_outputs(&images, None)?;
+        Self {
+            scene_job: SceneJob::built_in()?,
+            images,
+            report: None,
+            quiet: false,
+        }
+        .checked()
+    }
+
+    /// The job, if the machine can hold its film.
+    fn checked(self) -> Result<Self> {
+        let SceneJob {
+            scene, settings, ..
+        } = &self.scene_job;
+        check_memory(scene.film.width, scene.film.height, settings.aux)?;
+        Ok(self)
+    }
+}
+
+fn check_scene_args(args: &SceneArgs) -> Result<()> {
+    check_range("--width", args.width, 1, MAX_SIDE)?;
+    check_range("--height", args.height, 1, MAX_SIDE)?;
+    check_range("--max-depth", args.max_depth, 1, u32::MAX)?;
+    check_range("--wave", args.wave, 1, MAX_WAVE)?;
+    check_range("--block", args.block, 1, MAX_BLOCK)
+}
+
+/// The limit that was typed, if one was.
+fn budget(args: &BudgetArgs) -> Result<Option<Budget>> {
+    check_range("--spp", args.spp, 1, u64::MAX)?;
+    check_positive("--seconds", args.seconds)?;
+    check_positive("--error", args.error)?;
+    let samples = args.spp.map(Budget::Samples);
+    Ok(samples
+        .or(args.seconds.map(Budget::Seconds))
+        .or(args.error.map(Budget::Error)))
+}
+
+/// Errors if an image's format is unknown, two outputs are the same file, or one cannot be written.
+fn check_outputs(images: &[PathBuf], report: Option<&Path>) -> Result<()> {
+    for image in images {
+        ImageFormat::from_path(image)?;
+    }
+    if let Some(path) = report
+        && !path
+            .extension()
+            .is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+    {
+        let path = path.display();
+        return Err(Error::usage(format!(
+            "{path}: the name of a report must end in .json"
+        )));
+    }
+    let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
+    let places: Vec<PathBuf> = images.iter().map(absolute).collect();
+    for (index, place) in places.iter().enumerate() {
+        if places[..index].contains(place) {
+            return Err(Error::usage(format!(
+                "{}: named twice as output",
+                place.display()
+            )));
+        }
+    }
+    images
+        .iter()
+        .map(PathBuf::as_path)
+        .chain(report)
+        .try_for_each(check_writable)
+}
+
+fn check_range<T>(option: &str, value: Option<T>, least: T, most: T) -> Result<()>
+where
+    T: PartialOrd + std::fmt::Display,
+{
+    match value {
+        Some(value) if value < least => Err(Error::usage(format!(
+            "{option} must be at least {least}, not {value}"
+        ))),
+        Some(value) if value > most => Err(Error::usage(format!(
+            "{option} must be at most {most}, not {value}"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+fn check_positive(option: &str, value: Option<f64>) -> Result<()> {
+    match value {
+        Some(value) if !(value.is_finite() && value > 0.0) => Err(Error::usage(format!(
+            "{option} must be a number greater than 0, not {value}"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+fn find_camera(scene: &SceneDescription, name: &str) -> Result<usize> {
+    scene
+        .cameras
+        .iter()
+        .position(|camera| camera.name == name)
+        .ok_or_else(|| {
+            let names: Vec<&str> = scene
+                .cameras
+                .iter()
+                .map(|camera| camera.name.as_str())
+                .collect();
+            Error::usage(format!(
+                "{} has no camera \"{name}\"; it has {}",
+                scene.source.display(),
+                names.join(", ")
+            ))
+        })
+}
+
+/// The image of a scene if none is named: its name with `.png`, in the current directory.
+fn default_image(scene: &Path) -> PathBuf {
+    let mut name = stem(scene).to_owned();
+    name.push(".png");
+    PathBuf::from(name)
+}
+
+fn stem(path: &Path) -> &OsStr {
+    path.file_stem().unwrap_or(OsStr::new("scene"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_out_of_range_are_refused_with_the_limit() {
+        let message = check_range("--wave", Some(0), 1, MAX_WAVE)
+            .unwrap_err()
+            .message;
+        assert_eq!(message, "--wave must be at least 1, not 0");
+        let message = check_range("--block", Some(65), 1, MAX_BLOCK)
+            .unwrap_err()
+            .message;
+        assert_eq!(message, "--block must be at most 64, not 65");
+        assert!(check_range("--block", Some(MAX_BLOCK), 1, MAX_BLOCK).is_ok());
+        assert!(check_range("--block", None, 1, MAX_BLOCK).is_ok());
+    }
+
+    #[test]
+    fn goals_must_be_positive_numbers() {
+        for value in [0.0, -0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(check_positive("--seconds", Some(value)).is_err(), "{value}");
+        }
+        assert!(check_positive("--seconds", Some(1e-9)).is_ok());
+    }
+
+    #[test]
+    fn each_limit_becomes_its_budget() {
+        let none = BudgetArgs::default();
+        assert_eq!(budget(&none).unwrap(), None);
+        let spp = BudgetArgs {
+            spp: Some(7),
+            ..none
+        };
+        assert_eq!(budget(&spp).unwrap(), Some(Budget::Samples(7)));
+        let seconds = BudgetArgs {
+            seconds: Some(0.5),
+            ..BudgetArgs::default()
+        };
+        assert_eq!(budget(&seconds).unwrap(), Some(Budget::Seconds(0.5)));
+        let error = BudgetArgs {
+            error: Some(0.01),
+            ..BudgetArgs::default()
+        };
+        assert_eq!(budget(&error).unwrap(), Some(Budget::Error(0.01)));
+    }
+
+    #[test]
+    fn default_image_is_named_after_the_scene_and_lies_here() {
+        assert_eq!(
+            default_image(Path::new("/a/b/room.v2.toml")),
+            Path::new("room.v2.png")
+        );
+        assert_eq!(default_image(Path::new("..")), Path::new("scene.png"));
+    }
+
+    #[test]
+    fn outputs_must_have_a_known_format_and_differ() {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        assert!(check_outputs(&[at("a.png"), at("a.exr")], Some(&at("a.json"))).is_ok());
+        let twice = check_outputs(&[at("a.png"), at("./a.png")], None).unwrap_err();
+        assert!(twice.message.contains("named twice"), "{twice}");
+        let report = check_outputs(&[at("a.png")], Some(&at("a.toml"))).unwrap_err();
+        assert!(report.message.contains("must end in .json"), "{report}");
+        assert!(check_outputs(&[at("a.bmp")], None).is_err());
+        assert!(check_outputs(&[at("no/a.png")], None).is_err());
+    }
+}

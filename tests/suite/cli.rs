@@ -1,0 +1,584 @@
+//! The program as a user runs it.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use tempfile::TempDir;
+use wavepath::film::{ExrImage, read_exr};
+use wavepath::integrator::stats::EndReason;
+use wavepath::report::RenderReport;
+use wavepath::scene::{Budget, SamplerKind, Strategy};
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/hexroom.toml");
+
+/// A render small enough for a test.
+const SMALL: [&str; 7] = [
+    "render",
+    SCENE,
+    "--width=24",
+    "--height=16",
+    "--threads=2",
+    "--spp",
+    "32",
+];
+
+/// The program in a directory of its own.
+fn wavepath(directory: &TempDir) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_wavepath"));
+    command.current_dir(directory.path());
+    command
+}
+
+fn directory() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn stdout(output: &Output) -> &str {
+    std::str::from_utf8(&output.stdout).unwrap()
+}
+
+fn stderr(output: &Output) -> &str {
+    std::str::from_utf8(&output.stderr).unwrap()
+}
+
+fn files(directory: &TempDir) -> Vec<String> {
+    let entries = fs::read_dir(directory.path()).unwrap();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+/// Runs and expects success.
+fn succeed(command: &mut Command) -> Output {
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    output
+}
+
+/// Runs and expects exit code 2 with one line, which it returns, and nothing else.
+fn refuse(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.starts_with("error: "), "{message}");
+    assert_eq!(message.lines().count(), 1, "{message}");
+    assert_eq!(stdout(&output), "");
+    message.trim_end().to_owned()
+}
+
+fn png_size(path: &Path) -> (u32, u32) {
+    image::open(path).unwrap().into_rgb8().dimensions()
+}
+
+fn report(path: &Path) -> RenderReport {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// Waits until the process handles SIGINT, gives it time for some samples, and sends the signal.
+fn interrupt_when_rendering(child: &Child) {
+    const SIGINT_BIT: u64 = 1 << (libc::SIGINT - 1);
+    let status = format!("/proc/{}/status", child.id());
+    let start = Instant::now();
+    loop {
+        assert!(
+            start.elapsed() < Duration::from_secs(60),
+            "SIGINT is never handled"
+        );
+        let text = fs::read_to_string(&status).unwrap();
+        let caught = text
+            .lines()
+            .find_map(|line| line.strip_prefix("SigCgt:"))
+            .unwrap();
+        if u64::from_str_radix(caught.trim(), 16).unwrap() & SIGINT_BIT != 0 {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    std::thread::sleep(Duration::from_millis(500));
+    let id = libc::pid_t::try_from(child.id()).unwrap();
+    // SAFETY: sends a signal to a child that has not been waited for, so that its id is still its own.
+    assert_eq!(unsafe { libc::kill(id, libc::SIGINT) }, 0);
+}
+
+fn start(command: &mut Command) -> Child {
+    command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+#[test]
+fn every_named_image_is_written_and_said_where() {
+    let directory = directory();
+    let output = succeed(
+        wavepath(&directory)
+            .args(SMALL)
+            .args(["-o", "a.png", "-o", "b.exr"]),
+    );
+    assert_eq!(files(&directory), ["a.png", "b.exr"]);
+    assert_eq!(png_size(&directory.path().join("a.png")), (24, 16));
+    let image = read_exr(&directory.path().join("b.exr")).unwrap();
+    assert_eq!((image.width, image.height), (24, 16));
+    assert_eq!(image.samples.unwrap(), vec![32; 24 * 16]);
+    assert!(image.variance.is_some());
+    assert!(image.mean.iter().flatten().any(|value| *value > 0.0));
+    for name in ["a.png", "b.exr"] {
+        assert!(
+            stdout(&output).contains(&format!("/{name}\n")),
+            "{}",
+            stdout(&output)
+        );
+    }
+    assert!(stdout(&output).contains("24 × 16 pixels, 32 samples per pixel"));
+}
+
+#[test]
+fn image_is_named_after_the_scene_unless_told_otherwise() {
+    let directory = directory();
+    succeed(wavepath(&directory).args(SMALL));
+    assert_eq!(files(&directory), ["hexroom.png"]);
+}
+
+#[test]
+fn aux_adds_layers_to_the_exr_image() {
+    let directory = directory();
+    succeed(
+        wavepath(&directory)
+            .args(SMALL)
+            .args(["--aux", "-o", "a.exr"]),
+    );
+    let metadata =
+        exr::meta::MetaData::read_from_file(directory.path().join("a.exr"), true).unwrap();
+    let names: Vec<String> = metadata.headers[0]
+        .channels
+        .list
+        .iter()
+        .map(|channel| channel.name.to_string())
+        .collect();
+    for name in [
+        "R",
+        "albedo.G",
+        "normal.X",
+        "depth.Z",
+        "variance.B",
+        "samples.Y",
+    ] {
+        assert!(
+            names.iter().any(|other| other == name),
+            "{name} is not in {names:?}"
+        );
+    }
+}
+
+#[test]
+fn quiet_render_says_nothing() {
+    let directory = directory();
+    let output = succeed(wavepath(&directory).args(SMALL).arg("--quiet"));
+    assert_eq!((stdout(&output), stderr(&output)), ("", ""));
+    assert_eq!(files(&directory), ["hexroom.png"]);
+}
+
+#[test]
+fn report_holds_the_settings_that_were_typed_and_consistent_counts() {
+    let directory = directory();
+    let options = [
+        "--seed=18446744073709551615",
+        "--wave=64",
+        "--block=8",
+        "--max-depth=3",
+        "--roulette-depth=2",
+        "--strategy=nee",
+        "--sampler=stratified",
+        "--camera=2",
+        "--report=r.json",
+    ];
+    succeed(wavepath(&directory).args(SMALL).args(options));
+    let report = report(&directory.path().join("r.json"));
+    let settings = &report.settings;
+    assert_eq!(
+        (settings.seed, settings.wave, settings.block),
+        (u64::MAX, 64, 8)
+    );
+    assert_eq!((settings.max_depth, settings.roulette_depth), (Some(3), 2));
+    assert_eq!(
+        (settings.strategy, settings.sampler),
+        (Strategy::Nee, SamplerKind::Stratified)
+    );
+    assert_eq!(
+        (settings.budget, settings.threads),
+        (Budget::Samples(32), 2)
+    );
+    assert_eq!(
+        (report.scene.name.as_str(), report.scene.camera.as_str()),
+        ("hexroom", "2")
+    );
+    assert_eq!(
+        (report.result.ended, report.result.min_samples),
+        (EndReason::Samples, 32)
+    );
+    assert!(report.result.relative_error.unwrap() > 0.0);
+    assert_eq!(report.paths.count, 24 * 16 * 32);
+    assert_eq!(
+        report.rays.total,
+        report.rays.camera + report.rays.bounce + report.rays.shadow
+    );
+    assert_eq!(report.depths[0].rays, report.rays.camera);
+    assert!(report.times.render.wall_seconds > 0.0 && report.memory.peak_bytes.unwrap() > 0);
+}
+
+#[test]
+fn time_limit_ends_the_render_and_progress_is_told_in_lines() {
+    let directory = directory();
+    let output = succeed(wavepath(&directory).args([
+        "render",
+        SCENE,
+        "--width=24",
+        "--height=16",
+        "--seconds=3.3",
+        "--report=r.json",
+    ]));
+    let report = report(&directory.path().join("r.json"));
+    assert_eq!(report.result.ended, EndReason::Seconds);
+    assert!(
+        (3.2..30.0).contains(&report.times.render.wall_seconds),
+        "{:?}",
+        report.times
+    );
+    assert!(report.result.min_samples > 0);
+    let progress = stderr(&output);
+    assert!(
+        progress.contains("samples per pixel") && progress.contains("Mrays/s"),
+        "{progress}"
+    );
+}
+
+#[test]
+fn error_goal_ends_the_render_once_the_estimate_meets_it() {
+    let directory = directory();
+    succeed(wavepath(&directory).args([
+        "render",
+        SCENE,
+        "--width=24",
+        "--height=16",
+        "--error=0.25",
+        "--report=r.json",
+    ]));
+    let result = report(&directory.path().join("r.json")).result;
+    assert_eq!(result.ended, EndReason::Error);
+    assert!(result.relative_error.unwrap() <= 0.25, "{result:?}");
+}
+
+#[test]
+fn interrupted_render_writes_complete_images_and_tells_their_samples() {
+    let directory = directory();
+    let child = start(wavepath(&directory).args([
+        "render",
+        SCENE,
+        "--width=24",
+        "--height=16",
+        "--spp=1000000000000",
+        "-o",
+        "a.png",
+        "-o",
+        "a.exr",
+        "--report=r.json",
+    ]));
+    interrupt_when_rendering(&child);
+    let output = child.wait_with_output().unwrap();
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(130), "{message}");
+    assert_eq!(files(&directory), ["a.exr", "a.png", "r.json"]);
+    assert_eq!(png_size(&directory.path().join("a.png")), (24, 16));
+    let samples = read_exr(&directory.path().join("a.exr"))
+        .unwrap()
+        .samples
+        .unwrap();
+    let (min, max) = (
+        *samples.iter().min().unwrap(),
+        *samples.iter().max().unwrap(),
+    );
+    assert!(max > 0);
+    let told = if min == max {
+        min.to_string()
+    } else {
+        format!("{min} to {max}")
+    };
+    let line = message.lines().last().unwrap();
+    assert!(
+        line.starts_with("interrupted: ") && line.contains("a.png"),
+        "{line}"
+    );
+    assert!(
+        line.contains(&format!("with {told} ")),
+        "{line}, and the image has {told}"
+    );
+    let result = report(&directory.path().join("r.json")).result;
+    assert_eq!(
+        (result.ended, result.max_samples),
+        (EndReason::Interrupted, u64::from(max))
+    );
+}
+
+#[test]
+fn default_command_renders_the_built_in_room_anywhere() {
+    let directory = directory();
+    let child = start(&mut wavepath(&directory));
+    interrupt_when_rendering(&child);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert_eq!(png_size(&directory.path().join("hexroom.png")), (800, 800));
+    assert!(
+        stdout(&output).contains("/hexroom.png\n"),
+        "{}",
+        stdout(&output)
+    );
+}
+
+#[test]
+fn default_command_prefers_the_scene_file_to_the_built_in_text() {
+    let directory = directory();
+    fs::create_dir(directory.path().join("scenes")).unwrap();
+    fs::write(
+        directory.path().join("scenes/hexroom.toml"),
+        "nonsense = 1\n",
+    )
+    .unwrap();
+    let message = refuse(&mut wavepath(&directory));
+    assert!(
+        message.starts_with("error: scenes/hexroom.toml:1:1: "),
+        "{message}"
+    );
+}
+
+#[test]
+fn scene_that_is_missing_or_wrong_is_named() {
+    let directory = directory();
+    let message = refuse(wavepath(&directory).args(["render", "no/such.toml"]));
+    assert!(message.contains("no/such.toml"), "{message}");
+    fs::write(directory.path().join("bad.toml"), "film = [\n").unwrap();
+    for command in ["render", "plan"] {
+        let message = refuse(wavepath(&directory).args([command, "bad.toml"]));
+        assert!(message.contains("bad.toml:"), "{message}");
+    }
+    assert_eq!(files(&directory), ["bad.toml"]);
+}
+
+#[test]
+fn each_wrong_option_is_named_with_what_is_wrong() {
+    let directory = directory();
+    for (option, value, reason) in [
+        ("--threads", "0", "at least 1"),
+        ("--threads", "99999", "at most"),
+        ("--wave", "0", "at least 1"),
+        ("--wave", "99999999999", "at most"),
+        ("--block", "0", "at least 1"),
+        ("--block", "65", "at most 64"),
+        ("--width", "0", "at least 1"),
+        ("--height", "65536", "at most 65535"),
+        ("--width", "-3", "-3"),
+        ("--max-depth", "0", "at least 1"),
+        ("--roulette-depth", "-1", "-1"),
+        ("--spp", "0", "at least 1"),
+        ("--spp", "1.5", "1.5"),
+        ("--seconds", "-1", "greater than 0"),
+        ("--seconds", "NaN", "greater than 0"),
+        ("--seconds", "inf", "greater than 0"),
+        ("--error", "0", "greater than 0"),
+        ("--error", "few", "few"),
+        ("--seed", "-1", "-1"),
+        ("--integrator", "magic", "whitted"),
+        ("--strategy", "magic", "nee"),
+        ("--sampler", "magic", "stratified"),
+        ("--accel", "magic", "bvh2"),
+    ] {
+        let message = refuse(wavepath(&directory).args(["render", SCENE, option, value]));
+        assert!(
+            message.contains(option) && message.contains(reason),
+            "{message}"
+        );
+    }
+    let message = refuse(wavepath(&directory).args(["render", SCENE, "--camera", "9"]));
+    assert!(
+        message.contains("\"9\"") && message.contains("1, 2"),
+        "{message}"
+    );
+    refuse(wavepath(&directory).args(["render", SCENE, "--set", "nonsense"]));
+    let message = refuse(wavepath(&directory).args(["render", SCENE, "--spp=1", "--seconds=1"]));
+    assert!(
+        message.contains("--spp") && message.contains("--seconds"),
+        "{message}"
+    );
+    assert_eq!(files(&directory), Vec::<String>::new());
+}
+
+#[test]
+fn output_that_cannot_be_written_is_found_before_rendering() {
+    // Rendered first, this would not end.
+    let endless = ["render", SCENE, "--spp=1000000000000"];
+    let directory = directory();
+    fs::create_dir(directory.path().join("taken.png")).unwrap();
+    for (options, part) in [
+        (vec!["-o", "missing/a.png"], "missing/a.png"),
+        (vec!["-o", "taken.png"], "taken.png"),
+        (vec!["-o", "a.png", "-o", "missing/a.exr"], "missing/a.exr"),
+        (vec!["-o", "a.gif"], "a.gif"),
+        (vec!["-o", "a.png", "-o", "./a.png"], "a.png"),
+        (vec!["--report", "missing/r.json"], "missing/r.json"),
+        (vec!["--report", "scene.toml"], "scene.toml"),
+    ] {
+        let message = refuse(wavepath(&directory).args(endless).args(options));
+        assert!(message.contains(part), "{message}");
+    }
+    assert_eq!(files(&directory), ["taken.png"]);
+}
+
+#[test]
+fn image_too_large_for_the_memory_is_refused_with_numbers() {
+    let directory = directory();
+    let message = refuse(wavepath(&directory).args([
+        "render",
+        SCENE,
+        "--width=65535",
+        "--height=65535",
+        "--aux",
+    ]));
+    assert!(
+        message.contains("65535 × 65535") && message.contains("GiB"),
+        "{message}"
+    );
+}
+
+#[test]
+fn set_replaces_a_value_of_the_scene_file() {
+    let directory = directory();
+    let options = [
+        "--set",
+        "film.width=12",
+        "--set",
+        "film.height=9",
+        "--spp=1",
+        "-o",
+        "a.png",
+    ];
+    succeed(wavepath(&directory).args(["render", SCENE]).args(options));
+    assert_eq!(png_size(&directory.path().join("a.png")), (12, 9));
+}
+
+#[test]
+fn plan_is_printed_and_nothing_is_written() {
+    let directory = directory();
+    let output = succeed(wavepath(&directory).args(["plan", SCENE, "--width=24", "--height=16"]));
+    let text = stdout(&output);
+    assert!(
+        text.starts_with("hexroom, camera 1, 24 × 16 pixels\n"),
+        "{text}"
+    );
+    assert!(text.lines().count() > 1, "{text}");
+    assert_eq!(files(&directory), Vec::<String>::new());
+}
+
+/// Writes a small render to `name` with a seed of its own.
+fn render_exr(directory: &TempDir, name: &str, seed: &str) -> ExrImage {
+    succeed(
+        wavepath(directory)
+            .args(SMALL)
+            .args(["--seed", seed, "-o", name]),
+    );
+    read_exr(&directory.path().join(name)).unwrap()
+}
+
+#[test]
+fn equal_images_compare_as_equal() {
+    let directory = directory();
+    let (a, b) = (
+        render_exr(&directory, "a.exr", "1"),
+        render_exr(&directory, "b.exr", "1"),
+    );
+    assert_eq!(a, b);
+    let output =
+        succeed(wavepath(&directory).args(["compare", "a.exr", "b.exr", "--max-relmse=0"]));
+    assert!(
+        stdout(&output).contains("relMSE              0.000000e0\n"),
+        "{}",
+        stdout(&output)
+    );
+}
+
+#[test]
+fn difference_beyond_the_limit_is_exit_code_1_with_the_image_written() {
+    let directory = directory();
+    render_exr(&directory, "a.exr", "1");
+    render_exr(&directory, "b.exr", "2");
+    let compare = |limit: &str| {
+        let options = [
+            "compare",
+            "a.exr",
+            "b.exr",
+            "--diff=d.png",
+            "--max-relmse",
+            limit,
+        ];
+        wavepath(&directory).args(options).output().unwrap()
+    };
+    let output = compare("0");
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(stderr(&output).contains("exceeds 0"), "{}", stderr(&output));
+    assert!(
+        stdout(&output).contains("standard error"),
+        "{}",
+        stdout(&output)
+    );
+    assert_eq!(png_size(&directory.path().join("d.png")), (24, 16));
+    assert_eq!(compare("1e9").status.code(), Some(0));
+}
+
+#[test]
+fn comparison_refuses_what_it_cannot_compare() {
+    let directory = directory();
+    render_exr(&directory, "a.exr", "1");
+    succeed(wavepath(&directory).args([
+        "render",
+        SCENE,
+        "--width=8",
+        "--height=8",
+        "--spp=1",
+        "-o",
+        "small.exr",
+    ]));
+    fs::write(
+        directory.path().join("cut.exr"),
+        &fs::read(directory.path().join("a.exr")).unwrap()[..900],
+    )
+    .unwrap();
+    for (arguments, part) in [
+        (vec!["a.exr", "small.exr"], "24 × 16 and 8 × 8"),
+        (vec!["a.exr", "missing.exr"], "missing.exr"),
+        (vec!["cut.exr", "a.exr"], "cut.exr"),
+        (vec!["a.exr", "a.exr", "--max-relmse=NaN"], "--max-relmse"),
+        (vec!["a.exr", "a.exr", "--max-relmse=-1"], "--max-relmse"),
+        (vec!["a.exr", "a.exr", "--diff=d.exr"], "d.exr"),
+        (
+            vec!["a.exr", "a.exr", "--diff=missing/d.png"],
+            "missing/d.png",
+        ),
+    ] {
+        let message = refuse(wavepath(&directory).arg("compare").args(arguments));
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn help_and_version_are_no_errors() {
+    let directory = directory();
+    let help = succeed(wavepath(&directory).arg("--help"));
+    for command in ["render", "plan", "compare"] {
+        assert!(stdout(&help).contains(command), "{}", stdout(&help));
+    }
+    let version = succeed(wavepath(&directory).arg("--version"));
+    assert!(stdout(&version).starts_with(concat!("wavepath ", env!("CARGO_PKG_VERSION"))));
+}
