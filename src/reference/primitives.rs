@@ -13,7 +13,7 @@ pub(super) const POSITION_ERROR: f64 = 128.0 * (f64::EPSILON / 2.0);
 /// overlap by a hair and no ray passes between them.
 const EDGE_SLACK: f64 = 16.0 * (f64::EPSILON / 2.0);
 
-/// A planar patch or a sphere, by number: what a ray that starts or ends on it does not hit there.
+/// A planar patch or a sphere, by number: what a ray that starts on it does not hit there.
 /// A triangle of a mesh is a patch of its own; the two halves of a quad are one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct PatchId(u32);
@@ -255,33 +255,26 @@ impl Primitives {
         })
     }
 
-    /// Shows every primitive that the ray crosses before `t_max`, in no particular order and
-    /// without those of the patch `target`, to `passes(primitive, distance)` until that says no.
-    /// Returns whether it never said no.
+    /// Shows every primitive that the ray crosses before `t_max`, in no particular order, to
+    /// `passes(primitive, distance)` until that says no. Returns whether it never said no.
     #[inline]
     pub(super) fn all_pass(
         &self,
         ray: &Ray,
         t_max: f64,
-        target: PatchId,
         mut passes: impl FnMut(usize, f64) -> bool,
     ) -> bool {
         for (i, triangle) in self.triangles.iter().enumerate() {
             if let Some((t, ..)) = triangle.intersect(ray)
                 && t < t_max
                 && triangle.patch != ray.start
-                && triangle.patch != target
                 && !passes(i, t)
             {
                 return false;
             }
         }
         for (i, sphere) in (self.triangles.len()..).zip(&self.spheres) {
-            let patch = PatchId(i as u32);
-            if patch == target {
-                continue;
-            }
-            for t in sphere.hits(ray, patch == ray.start) {
+            for t in sphere.hits(ray, PatchId(i as u32) == ray.start) {
                 if t < t_max && !passes(i, t) {
                     return false;
                 }
@@ -428,7 +421,7 @@ mod tests {
                     start,
                 };
                 assert!(primitives.closest(&ray).is_none());
-                assert!(primitives.all_pass(&ray, f64::INFINITY, PatchId::NONE, |_, _| false));
+                assert!(primitives.all_pass(&ray, f64::INFINITY, |_, _| false));
             }
         }
     }
@@ -439,14 +432,12 @@ mod tests {
         let up = ray(DVec3::ZERO, DVec3::Z);
         for (t_max, expected) in [(3.9, 0), (4.1, 1), (6.1, 2)] {
             let mut crossings = 0;
-            primitives.all_pass(&up, t_max, PatchId::NONE, |_, _| {
+            primitives.all_pass(&up, t_max, |_, _| {
                 crossings += 1;
                 true
             });
             assert_eq!(crossings, expected);
         }
-        let nothing_else = primitives.all_pass(&up, 9.0, primitives.patch(0), |_, _| false);
-        assert!(nothing_else, "the light's own sphere does not hide it");
     }
 
     #[test]
