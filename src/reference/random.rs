@@ -44,7 +44,8 @@ mod tests {
 
     #[test]
     fn neighbouring_samples_pixels_and_seeds_are_uncorrelated() {
-        let along: [(&str, fn(u32) -> Random); 4] = [
+        type Along = fn(u32) -> Random;
+        let along: [(&str, Along); 4] = [
             ("x", |i| Random::new(1, i, 3, 5)),
             ("y", |i| Random::new(1, 3, i, 5)),
             ("sample", |i| Random::new(1, 3, 7, i.into())),

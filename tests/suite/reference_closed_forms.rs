@@ -270,6 +270,45 @@ fn one_sided_emitters_are_black_from_behind() {
     }
 }
 
+#[test]
+fn pixels_run_right_and_down_and_are_box_filtered() {
+    // A poster over the top row's first pixel and 40 % of its second, of three by two.
+    let mut scene = SceneBuilder::new();
+    let poster = scene.two_sided(BsdfDescription::Black, 1.0);
+    scene.quad(
+        [
+            [0.0, 0.0, 2.0],
+            [0.0, -1.4, 2.0],
+            [0.0, -1.4, 1.0],
+            [0.0, 0.0, 1.0],
+        ],
+        poster,
+    );
+    scene.window(
+        [-5.0, -1.0, 1.0],
+        [0.0, 0.0, 2.0],
+        [0.0, -3.0, 0.0],
+        [0.0, 0.0, -2.0],
+    );
+    let scene = scene.build();
+    for (settings, second) in [(path(Strategy::Mis, 1), 0.4), (whitted(1), 0.0)] {
+        let reference = Reference::new(&scene, 0, 3, 2, &settings).expect("the scene is sound");
+        let image = ImageEstimate::from_samples([3, 2], 10_000, |x, y, sample| {
+            let mut counts = RayCounts::default();
+            reference
+                .sample(x as u32, y as u32, sample, &mut counts)
+                .to_array()
+        });
+        for (pixel, expected) in [1.0, second, 0.0, 0.0, 0.0, 0.0].into_iter().enumerate() {
+            let tolerance = 4.0 * image.variance_of_mean[pixel][0].sqrt();
+            assert!(
+                (image.mean[pixel][0] - expected).abs() <= tolerance,
+                "pixel {pixel}"
+            );
+        }
+    }
+}
+
 /// A closed room that emits 1 everywhere, or a sphere, seen from within.
 fn furnace(bsdf: BsdfDescription, size: f64, is_sphere: bool) -> SceneBuilder {
     let mut scene = SceneBuilder::new();
