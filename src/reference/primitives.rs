@@ -78,16 +78,13 @@ impl Triangle {
         let inverse_determinant = 1.0 / self.ab.dot(p);
         let from_a = ray.origin - self.a;
         let u = from_a.dot(p) * inverse_determinant;
-        if !(-EDGE_SLACK..=1.0 + EDGE_SLACK).contains(&u) {
-            return None;
-        }
         let q = from_a.cross(self.ab);
         let v = ray.direction.dot(q) * inverse_determinant;
-        if !(v >= -EDGE_SLACK && u + v <= 1.0 + EDGE_SLACK) {
-            return None;
-        }
         let t = self.ac.dot(q) * inverse_determinant;
-        (t > ray.t_min).then_some((t, u, v))
+        // One branch that is seldom taken: exits after each coordinate, hard to predict, cost the
+        // hexagonal room 30 % of its paths per CPU second.
+        let inside = (u >= -EDGE_SLACK) & (v >= -EDGE_SLACK) & (u + v <= 1.0 + EDGE_SLACK);
+        (inside & (t > ray.t_min)).then_some((t, u, v))
     }
 }
 
