@@ -70,7 +70,7 @@ impl Reference {
         let mut transmittance = 1.0;
         let open = self
             .primitives
-            .all_pass(&ray, light.distance, light.patch, |primitive, t| {
+            .all_pass(&ray, light.distance, |primitive, t| {
                 let Some(Bsdf::Specular(Specular::Dielectric(glass))) =
                     self.surfaces[primitive].bsdf
                 else {

@@ -210,3 +210,82 @@ impl Reference {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::scene::{
+        BsdfDescription, CameraDescription, FilmDescription, MaterialDescription, MaterialId, Mesh,
+        Projection, RenderDefaults, ShapeDescription, ShapeGeometry,
+    };
+
+    #[test]
+    fn rays_spawned_to_either_side_miss_the_neighbour_in_the_same_plane() {
+        // A square of two triangles that share the diagonal, somewhere skew in space.
+        let turn = glam::DQuat::from_scaled_axis(DVec3::new(0.3, 1.1, -0.7));
+        let place = |x: f64, y: f64| DVec3::new(30.0, -7.0, 2.0) + turn * DVec3::new(x, y, 0.0);
+        let mesh = Mesh {
+            positions: vec![
+                place(0.0, 0.0),
+                place(1.0, 0.0),
+                place(1.0, 1.0),
+                place(0.0, 1.0),
+            ],
+            faces: vec![[0, 1, 2], [0, 2, 3]],
+            face_materials: Vec::new(),
+        };
+        let eye = place(0.5, 0.5) + turn * DVec3::Z;
+        let camera = Projection::Plane {
+            eye,
+            top_left: place(0.1, 0.1),
+            right: DVec3::ZERO,
+            down: place(0.9, 0.9) - place(0.1, 0.1),
+        };
+        let scene = SceneDescription {
+            source: PathBuf::new(),
+            film: FilmDescription {
+                width: 1,
+                height: 1000,
+                exposure: 0.0,
+            },
+            cameras: vec![CameraDescription {
+                name: String::new(),
+                projection: camera,
+            }],
+            materials: vec![MaterialDescription {
+                name: String::new(),
+                bsdf: BsdfDescription::Black,
+                emission: None,
+            }],
+            shapes: vec![ShapeDescription {
+                name: String::new(),
+                geometry: ShapeGeometry::Mesh(mesh),
+                material: MaterialId(0),
+            }],
+            point_lights: Vec::new(),
+            background: DVec3::ZERO,
+            render: RenderDefaults::default(),
+            warnings: Vec::new(),
+        };
+        let reference = Reference::new(&scene, 0, 1, 1000, &RenderSettings::default())
+            .expect("the scene is sound");
+        for row in 0..1000 {
+            let ray = reference.camera_ray([0.5, f64::from(row) + 0.5]);
+            let hit = reference
+                .primitives
+                .closest(&ray)
+                .expect("aimed at the diagonal");
+            for height in [1.0, 0.01, -0.01, -1.0] {
+                for across in [DVec3::new(1.0, -1.0, height), DVec3::new(-1.0, 1.0, height)] {
+                    let spawned = reference.spawn(&hit, (turn * across).normalize());
+                    assert!(
+                        reference.primitives.closest(&spawned).is_none(),
+                        "row {row}"
+                    );
+                }
+            }
+        }
+    }
+}

@@ -44,25 +44,17 @@ mod tests {
 
     #[test]
     fn neighbouring_samples_pixels_and_seeds_are_uncorrelated() {
-        let first = |seed, x, y, sample| Random::new(seed, x, y, sample).next() - 0.5;
-        let pairs: [(&str, fn(u32) -> [(u64, u32, u32, u64); 2]); 4] = [
-            ("x", |i| [(1, i, 3, 5), (1, i + 1, 3, 5)]),
-            ("y", |i| [(1, 3, i, 5), (1, 3, i + 1, 5)]),
-            ("sample", |i| {
-                [(1, 3, 7, i.into()), (1, 3, 7, u64::from(i) + 1)]
-            }),
-            ("seed", |i| {
-                [(i.into(), 3, 7, 5), (u64::from(i) + 1, 3, 7, 5)]
-            }),
+        type Along = fn(u32) -> Random;
+        let along: [(&str, Along); 4] = [
+            ("x", |i| Random::new(1, i, 3, 5)),
+            ("y", |i| Random::new(1, 3, i, 5)),
+            ("sample", |i| Random::new(1, 3, 7, i.into())),
+            ("seed", |i| Random::new(i.into(), 3, 7, 5)),
         ];
         let n = 100_000;
-        for (name, pair) in pairs {
-            let sum: f64 = (0..n)
-                .map(|i| {
-                    let [a, b] = pair(2 * i);
-                    first(a.0, a.1, a.2, a.3) * first(b.0, b.1, b.2, b.3)
-                })
-                .sum();
+        for (name, random) in along {
+            let first = |i| random(i).next() - 0.5;
+            let sum: f64 = (0..n).map(|i| first(2 * i) * first(2 * i + 1)).sum();
             // The product of two independent centred uniforms has standard deviation 1/12.
             let z = sum * 12.0 / f64::from(n).sqrt();
             assert!(z.abs() < 4.0, "{name}: z = {z}");
