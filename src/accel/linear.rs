@@ -16,7 +16,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use super::polygon::{Polygons, polygons};
+use super::polygon::{MAX_CORNERS, Polygons, polygons};
 use super::{Accel, AccelCounters, HitBatch, RayBatch, ShadowBatch};
 use crate::geometry::hit::RayFrame;
 use crate::geometry::sphere::sphere_distance;
@@ -42,8 +42,11 @@ struct Face {
     /// One of its corners.
     anchor: [f32; 3],
     id: u32,
-    /// Where its corners and edge uses are.
+    /// Where its corners are.
     corners: Range<usize>,
+    /// For each corner the edge from it to the next: twice the edge's index, plus one if the face runs
+    /// along it backward. Filled up by repeating the first, so that the loop over them has no end to find.
+    uses: [[u16; 4]; MAX_CORNERS / 4],
 }
 
 /// Every ray against every primitive.
@@ -55,8 +58,6 @@ pub struct LinearScan {
     faces: Vec<Face>,
     /// Vertex indices of all faces, in order.
     corners: Vec<u32>,
-    /// For each corner the edge from it to the next: twice the edge's index, plus one if it runs backward.
-    uses: Vec<u16>,
     /// Per triangle, the id under which its polygon is reported.
     owner: Vec<u32>,
     triangles: Vec<Triangle>,
@@ -86,6 +87,7 @@ struct Nearest {
 }
 
 /// One group of rays.
+#[derive(Clone, Copy)]
 struct Rays {
     origin: Vec3s,
     direction: Vec3s,
@@ -135,14 +137,20 @@ impl<const VERTICES: usize, const USES: usize> Inside for Scratch<VERTICES, USES
     }
 
     #[inline(always)]
-    fn inside(&self, scan: &LinearScan, face: &Face, _rays: &Rays) -> (Mask, Mask) {
+    fn inside(&self, _scan: &LinearScan, face: &Face, _rays: &Rays) -> (Mask, Mask) {
         let (mut left, mut right, mut zero) = (Mask::ALL, Mask::ALL, Mask::NONE);
-        for &edge in &scan.uses[face.corners.clone()] {
-            let at = usize::from(edge) % USES;
-            let (same, opposite) = (self.not_negative[at], self.not_negative[at ^ 1]);
-            left = left & same;
-            right = right & opposite;
-            zero = zero | (same & opposite);
+        let mut meet = |uses: &[u16; 4]| {
+            for &edge in uses {
+                let at = usize::from(edge) % USES;
+                let (same, opposite) = (self.not_negative[at], self.not_negative[at ^ 1]);
+                left = left & same;
+                right = right & opposite;
+                zero = zero | (same & opposite);
+            }
+        };
+        meet(&face.uses[0]);
+        if face.corners.len() > 4 {
+            meet(&face.uses[1]);
         }
         let inside = left | right;
         (inside, inside & zero)
@@ -197,31 +205,33 @@ impl LinearScan {
         } = polygons(geometry);
         let mut edges: Vec<[u32; 2]> = Vec::new();
         let mut edge_index = HashMap::new();
-        let (mut faces, mut corners, mut uses) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut faces, mut corners) = (Vec::new(), Vec::new());
         for polygon in &polygons {
             let n = polygon.corners.len();
-            for i in 0..n {
-                let (a, b) = (polygon.corners[i], polygon.corners[(i + 1) % n]);
-                let key = [a.min(b), a.max(b)];
-                let edge = *edge_index.entry(key).or_insert_with(|| {
-                    edges.push(key);
-                    edges.len() - 1
-                });
-                uses.push(2 * edge + usize::from(a > b));
-            }
+            let uses: Vec<usize> = (0..n)
+                .map(|i| {
+                    let (a, b) = (polygon.corners[i], polygon.corners[(i + 1) % n]);
+                    let key = [a.min(b), a.max(b)];
+                    let edge = *edge_index.entry(key).or_insert_with(|| {
+                        edges.push(key);
+                        edges.len() - 1
+                    });
+                    2 * edge + usize::from(a > b)
+                })
+                .collect();
+            // Scenes in which the index does not fit 16 bits do without shared edges.
+            let at = |i: usize| *uses.get(i).unwrap_or(&uses[0]) as u16;
             faces.push(Face {
                 normal: polygon.normal,
                 anchor: vertices[polygon.corners[0] as usize],
                 id: polygon.id,
                 corners: corners.len()..corners.len() + n,
+                uses: [0, 4].map(|from| [0, 1, 2, 3].map(|i| at(from + i))),
             });
             corners.extend_from_slice(&polygon.corners);
         }
-        // Scenes that do not fit do without shared edges.
-        let shared = vertices.len() <= LARGE.0 && 2 * edges.len() <= LARGE.1;
-        if !shared {
+        if vertices.len() > LARGE.0 || 2 * edges.len() > LARGE.1 {
             edges.clear();
-            uses.clear();
         }
         let (low, high) = vertices.iter().fold(
             ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]),
@@ -249,7 +259,6 @@ impl LinearScan {
                 .collect(),
             faces,
             corners,
-            uses: uses.iter().map(|&edge| edge as u16).collect(),
             owner,
             triangles: geometry.triangles.clone(),
             spheres: geometry.spheres.clone(),
@@ -326,44 +335,56 @@ impl LinearScan {
                 denominator: F32s::splat(0.0),
                 id: U32s::splat(PrimitiveId::NONE),
             };
-            self.nearest_face(scratch, &group, &mut nearest);
-            self.nearest_sphere(&group, &mut nearest);
+            if !self.faces.is_empty() {
+                nearest = self.nearest_face(scratch, &group, nearest);
+            }
+            nearest = self.nearest_sphere(&group, nearest);
             store(hits.t, at, nearest.numerator / nearest.denominator);
             store_u32(hits.primitive, at, nearest.id);
         }
     }
 
     #[inline(always)]
-    fn nearest_face<T: Inside>(&self, scratch: &mut T, group: &Rays, nearest: &mut Nearest) {
-        if self.faces.is_empty() {
-            return;
-        }
+    fn nearest_face<T: Inside>(
+        &self,
+        scratch: &mut T,
+        group: &Rays,
+        mut nearest: Nearest,
+    ) -> Nearest {
         scratch.project(self, group);
         let mut uncertain = group.distant;
         for face in &self.faces {
             let (inside, zero) = scratch.inside(self, face, group);
             let (numerator, denominator) = Self::plane(face, group);
             let other = !Compare::eq(group.skip, U32s::splat(face.id));
-            let nearer = inside
-                & other
-                & numerator.gt(F32s::splat(0.0))
-                & (numerator * nearest.denominator).lt(nearest.numerator * denominator);
-            uncertain = uncertain
-                | (zero & nearer)
-                | (Self::grazing(group, numerator, denominator) & other);
-            nearest.numerator = nearer.select(numerator, nearest.numerator);
-            nearest.denominator = nearer.select(denominator, nearest.denominator);
-            nearest.id = nearer.select_u32(U32s::splat(face.id), nearest.id);
+            let candidate = inside & other & numerator.gt(F32s::splat(0.0));
+            let grazing = Self::grazing(group, numerator, denominator) & other;
+            // A denominator of zero is never nearer. The mask is folded into it, and the sign dropped from
+            // what may be negative beside it, to keep all but a product and a comparison off the chain
+            // that runs from face to face.
+            let numerator = numerator.abs();
+            let denominator = candidate.select(denominator, F32s::splat(0.0));
+            let nearer = (numerator * nearest.denominator).lt(nearest.numerator * denominator);
+            uncertain = uncertain | (zero & nearer) | grazing;
+            nearest = Nearest {
+                numerator: nearer.select(numerator, nearest.numerator),
+                denominator: nearer.select(denominator, nearest.denominator),
+                id: nearer.select_u32(U32s::splat(face.id), nearest.id),
+            };
         }
-        if (uncertain & group.active).any() {
-            self.rescan(group, uncertain & group.active, nearest);
+        let uncertain = uncertain & group.active;
+        if uncertain.any() {
+            self.rescan(*group, uncertain, nearest)
+        } else {
+            nearest
         }
     }
 
-    /// The triangles again, one ray at a time, for the lanes of `mask`.
+    /// The triangles again, one ray at a time, for the lanes of `mask`. Takes copies, so that the loop
+    /// before it keeps its own in registers.
     #[cold]
     #[inline(never)]
-    fn rescan(&self, group: &Rays, mask: Mask, nearest: &mut Nearest) {
+    fn rescan(&self, group: Rays, mask: Mask, nearest: Nearest) -> Nearest {
         let mut numerator = nearest.numerator.to_array();
         let mut denominator = nearest.denominator.to_array();
         let mut id = nearest.id.to_array();
@@ -377,11 +398,11 @@ impl LinearScan {
             };
             id[lane] = hit;
         }
-        *nearest = Nearest {
+        Nearest {
             numerator: F32s::from(numerator),
             denominator: F32s::from(denominator),
             id: U32s::from(id),
-        };
+        }
     }
 
     /// Nearest triangle of one ray by Woop's test.
@@ -411,15 +432,18 @@ impl LinearScan {
     }
 
     #[inline(always)]
-    fn nearest_sphere(&self, group: &Rays, nearest: &mut Nearest) {
+    fn nearest_sphere(&self, group: &Rays, mut nearest: Nearest) -> Nearest {
         for (id, sphere) in (self.triangles.len() as u32..).zip(&self.spheres) {
             let t = Self::sphere(sphere, id, group);
             let nearer =
                 (t * nearest.denominator).lt(nearest.numerator) & t.lt(F32s::splat(f32::INFINITY));
-            nearest.numerator = nearer.select(t, nearest.numerator);
-            nearest.denominator = nearer.select(F32s::splat(1.0), nearest.denominator);
-            nearest.id = nearer.select_u32(U32s::splat(id), nearest.id);
+            nearest = Nearest {
+                numerator: nearer.select(t, nearest.numerator),
+                denominator: nearer.select(F32s::splat(1.0), nearest.denominator),
+                id: nearer.select_u32(U32s::splat(id), nearest.id),
+            };
         }
+        nearest
     }
 
     fn occluded_with<T: Inside>(
@@ -505,9 +529,7 @@ impl LinearScan {
     }
 
     fn fits(&self, size: (usize, usize)) -> bool {
-        self.vertices.len() <= size.0
-            && 2 * self.edges.len() <= size.1
-            && self.uses.len() == self.corners.len()
+        self.vertices.len() <= size.0 && 2 * self.edges.len() <= size.1
     }
 }
 
@@ -521,7 +543,6 @@ impl Accel for LinearScan {
             + std::mem::size_of_val(&*self.edges)
             + std::mem::size_of_val(&*self.faces)
             + std::mem::size_of_val(&*self.corners)
-            + std::mem::size_of_val(&*self.uses)
             + std::mem::size_of_val(&*self.owner)
             + std::mem::size_of_val(&*self.triangles)
             + std::mem::size_of_val(&*self.spheres)

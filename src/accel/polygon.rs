@@ -31,7 +31,7 @@ pub(super) struct Polygons {
 }
 
 /// Most corners of a merged polygon; more edges cost as much as the triangles.
-const MAX_CORNERS: usize = 8;
+pub(super) const MAX_CORNERS: usize = 8;
 
 /// A merged polygon must keep each corner this far from the line through any edge that does not end
 /// there, as a share of its diameter. With rays that start within [`super::linear::REACH`] scene radii,
