@@ -165,7 +165,7 @@ fn irradiance_from_spheres_is_that_of_the_closed_form() {
         (2.0, 1.0, -0.3, 1.0, 0.011672369894608),
         (1.05, 1.0, 0.3, 1.0, 1.424717343),
         (1.0, 1e-4, 1.0, 1e10, 314.1592654),
-        (0.1, 1e-4, 1.0, 1e10, 31_415.92654),
+        (0.1, 1e-4, 1.0, 1e10, 31_415.926_54),
         (0.01, 1e-4, 1.0, 1e10, 3_141_592.654),
         (1.0, 1e-3, 0.5, 1.0, PI * 1e-6 * 0.5),
         (1.0, 1e-6, 1.0, 1.0, PI * 1e-12),
@@ -311,7 +311,7 @@ fn directions_to_flat_lights_follow_the_density() {
             check_directions::<{ kinds::FLAT }>(
                 Light::Flat(light),
                 p,
-                &DirectionBins::new(axis, width),
+                &DirectionBins::new(axis, width).with_corners(),
                 hit,
                 &what,
             );

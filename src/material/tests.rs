@@ -80,7 +80,7 @@ fn sample_many<M: Material>(
         counts.add(s.wi, s.valid);
         let (value, pdf) = M::eval(params, wo, s.wi);
         let wi = s.wi.to_lanes();
-        for lane in 0..LANES {
+        for (lane, wi) in wi.into_iter().enumerate() {
             let at = |x: F32s| f64::from(x.to_array()[lane]);
             if !s.valid.test(lane) {
                 albedo.add(0.0);
@@ -89,10 +89,7 @@ fn sample_many<M: Material>(
             albedo.add(at(s.weight.x));
             assert!(at(s.pdf) > 0.0 && at(s.pdf).is_finite(), "{what}");
             // 6e-7 is what the rounding of the lobe's frame and of wi comes to.
-            let delta = (0..3)
-                .map(|k| (wi[lane][k] - mirror[k]).powi(2))
-                .sum::<f64>()
-                / 2.0;
+            let delta = (0..3).map(|k| (wi[k] - mirror[k]).powi(2)).sum::<f64>() / 2.0;
             let tan = (delta * (2.0 - delta)).sqrt() / (1.0 - delta);
             let rounding = if sharpness > 0.0 {
                 6e-7 * f64::from(sharpness) * tan
@@ -194,6 +191,10 @@ fn phong_samples_follow_the_density() {
 }
 
 #[test]
+#[expect(
+    clippy::approx_constant,
+    reason = "the table's numbers are what they are"
+)]
 fn phong_albedo_is_that_of_the_table() {
     // Quadrature to 1e-10, reflectance 1; angles 0, 30, 45, 60, 75, 85, 90 degrees.
     let table: [(f32, [f64; 7]); 5] = [
@@ -313,7 +314,7 @@ fn oren_nayar_constants_and_values_match_the_trigonometric_formula() {
 fn no_direction_reflects_more_than_it_receives() {
     // At 89.9° the integrand has a kink that quadrature misses; there the sampling tests above
     // compare with the closed form.
-    for angle in (0..90).map(f64::from) {
+    for angle in (0..90).step_by(3).map(f64::from) {
         for sigma in [0.0, 0.1, 0.1987, 0.3, 0.3261, 0.5, 0.7, f64::INFINITY] {
             let wo = splat(outgoing(angle));
             let p = oren_nayar(sigma);
