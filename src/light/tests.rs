@@ -569,3 +569,23 @@ fn one_sided_lights_are_dark_behind() {
     flat.two_sided = true;
     assert_eq!(valid(flat), Mask::ALL);
 }
+
+#[test]
+fn samples_are_sound_at_the_ends_of_the_unit_interval() {
+    const ENDS: [f32; 4] = [0.0, 1.0 / 16_777_216.0, 0.5, 1.0 - 1.0 / 16_777_216.0];
+    let all = table(&mixed());
+    for i in 0..64 {
+        let u = [ENDS[i % 4], ENDS[i / 4 % 4], ENDS[i / 16]].map(F32s::splat);
+        let s = sample::<{ kinds::ALL }>(&all, splat([0.1, 0.2, 0.0]), splat(UP), u);
+        let direction = s.direction.to_lanes()[0];
+        assert!(
+            (dot(direction, direction) - 1.0).abs() < 2e-6,
+            "{u:?}: {direction:?}"
+        );
+        let pdf = s.pdf.to_array()[0];
+        assert!(
+            pdf > 0.0 && pdf.is_finite() && s.distance.to_array()[0] > 0.0,
+            "{u:?}"
+        );
+    }
+}

@@ -557,12 +557,53 @@ fn reflectance_keeps_its_precision_where_the_indices_almost_agree() {
             );
         }
     }
+    let wo = splat([0.48, -0.36, 0.8]);
     for formula in [FresnelFormula::Exact, FresnelFormula::Schlick] {
-        let wo = splat([0.48, -0.36, 0.8]);
-        let s = Dielectric::branches(&dielectric(1.0, FresnelFormula::Exact), wo);
-        assert_eq!(first(s.reflectance), 0.0, "{formula:?}");
-        for (got, exact) in s.refracted.to_lanes()[0].into_iter().zip(wo.to_lanes()[0]) {
-            assert!((got + exact).abs() < 1e-7);
+        let b = Dielectric::branches(&dielectric(1.0, formula), wo);
+        for (got, exact) in b.refracted.to_lanes()[0].into_iter().zip(wo.to_lanes()[0]) {
+            assert!((got + exact).abs() < 1e-7, "{formula:?}");
+        }
+    }
+    let same = dielectric(1.0, FresnelFormula::Exact);
+    assert_eq!(first(Dielectric::branches(&same, wo).reflectance), 0.0);
+}
+
+/// Every lane is finite, of unit length and not negative, for the uniform numbers at their ends.
+fn check_ends<M: Material>(params: &M::Params, signs: &[f64], what: &str) {
+    const ENDS: [f32; 4] = [0.0, 1.0 / 16_777_216.0, 0.5, 1.0 - 1.0 / 16_777_216.0];
+    for (i, angle) in (0..64).flat_map(|i| ANGLES.map(|angle| (i, angle))) {
+        let u = [ENDS[i % 4], ENDS[i / 4 % 4], ENDS[i / 16]].map(F32s::splat);
+        for sign in signs {
+            let [x, y, z] = outgoing(angle);
+            let s = M::sample(params, splat([x, y, z * sign]), u);
+            let wi = s.wi.to_lanes()[0];
+            let length: f64 = wi.iter().map(|x| x * x).sum();
+            assert!(
+                (length - 1.0).abs() < 2e-6,
+                "{what}, {angle}°, {u:?}: {wi:?}"
+            );
+            let weight = first(s.weight.x);
+            assert!(
+                !s.valid.any() || weight >= 0.0 && weight.is_finite(),
+                "{what}: {weight}"
+            );
+            assert!(first(s.pdf) >= 0.0 && first(s.pdf).is_finite(), "{what}");
+        }
+    }
+}
+
+#[test]
+fn samples_are_sound_at_the_ends_of_the_unit_interval() {
+    check_ends::<Lambertian>(&lambertian(), &[1.0], "Lambertian");
+    for sigma in SIGMAS {
+        check_ends::<OrenNayar>(&oren_nayar(sigma), &[1.0], "Oren–Nayar");
+    }
+    for exponent in EXPONENTS {
+        check_ends::<Phong>(&phong(exponent), &[1.0], "Phong");
+    }
+    for formula in [FresnelFormula::Exact, FresnelFormula::Schlick] {
+        for ior in [1.0, 1.5, 0.7] {
+            check_ends::<Dielectric>(&dielectric(ior, formula), &[1.0, -1.0], "dielectric");
         }
     }
 }
