@@ -165,7 +165,7 @@ fn irradiance_from_spheres_is_that_of_the_closed_form() {
         (2.0, 1.0, -0.3, 1.0, 0.011672369894608),
         (1.05, 1.0, 0.3, 1.0, 1.424717343),
         (1.0, 1e-4, 1.0, 1e10, 314.1592654),
-        (0.1, 1e-4, 1.0, 1e10, 31_415.92654),
+        (0.1, 1e-4, 1.0, 1e10, 31_415.926_54),
         (0.01, 1e-4, 1.0, 1e10, 3_141_592.654),
         (1.0, 1e-3, 0.5, 1.0, PI * 1e-6 * 0.5),
         (1.0, 1e-6, 1.0, 1.0, PI * 1e-12),
@@ -311,7 +311,7 @@ fn directions_to_flat_lights_follow_the_density() {
             check_directions::<{ kinds::FLAT }>(
                 Light::Flat(light),
                 p,
-                &DirectionBins::new(axis, width),
+                &DirectionBins::new(axis, width).with_corners(),
                 hit,
                 &what,
             );
@@ -568,4 +568,24 @@ fn one_sided_lights_are_dark_behind() {
     assert_eq!(valid(flat), Mask::NONE);
     flat.two_sided = true;
     assert_eq!(valid(flat), Mask::ALL);
+}
+
+#[test]
+fn samples_are_sound_at_the_ends_of_the_unit_interval() {
+    const ENDS: [f32; 4] = [0.0, 1.0 / 16_777_216.0, 0.5, 1.0 - 1.0 / 16_777_216.0];
+    let all = table(&mixed());
+    for i in 0..64 {
+        let u = [ENDS[i % 4], ENDS[i / 4 % 4], ENDS[i / 16]].map(F32s::splat);
+        let s = sample::<{ kinds::ALL }>(&all, splat([0.1, 0.2, 0.0]), splat(UP), u);
+        let direction = s.direction.to_lanes()[0];
+        assert!(
+            (dot(direction, direction) - 1.0).abs() < 2e-6,
+            "{u:?}: {direction:?}"
+        );
+        let pdf = s.pdf.to_array()[0];
+        assert!(
+            pdf > 0.0 && pdf.is_finite() && s.distance.to_array()[0] > 0.0,
+            "{u:?}"
+        );
+    }
 }

@@ -12,7 +12,7 @@
 //!   the differences rewritten, r_s = (1 − η²)/(c + η·c_t)² and
 //!   r_p = (η² − 1)(c² − (1 − c²)/η²)/(η·c + c_t)², which keeps their precision for n near 1;
 //! - Schlick: R = R₀ + (1 − R₀)(1 − c)⁵, R₀ = ((n − 1)/(n + 1))², with the cosine on the optically
-//!   thin side, which is the smaller of c and c_t.
+//!   thin side, which is the smaller of c and c_t. It does not vanish for n = 1 at grazing angles.
 //!
 //! Radiance is compressed by refraction: the weight of the refracted ray contains 1/η², and the
 //! sample reports η, so that roulette can leave it out.

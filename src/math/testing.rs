@@ -68,6 +68,8 @@ pub(crate) struct DirectionBins {
     axes: [[f64; 3]; 3],
     /// 1 − cos of the half angle.
     width: f64,
+    /// How often quadrature halves every bin, whatever the integrand.
+    splits: u32,
 }
 
 impl DirectionBins {
@@ -96,7 +98,14 @@ impl DirectionBins {
         Self {
             axes: [tangent, cross(axis, tangent), axis],
             width,
+            splits: 0,
         }
+    }
+
+    /// For densities whose support has corners, which may poke into a bin between all points that
+    /// quadrature looks at.
+    pub(crate) fn with_corners(self) -> Self {
+        Self { splits: 3, ..self }
     }
 
     /// The direction at the given fractions of the cone's height and of the turn.
@@ -151,8 +160,6 @@ impl DirectionBins {
         turns: [f64; 2],
         depth: u32,
     ) -> f64 {
-        // A corner of the support may poke into a cell between all points that are looked at.
-        const MIN_DEPTH: u32 = 3;
         const NODES: [f64; 4] = [
             0.069_431_844_202_973_71,
             0.330_009_478_207_571_87,
@@ -190,7 +197,7 @@ impl DirectionBins {
             .filter(|&v| v > 0.0)
             .count();
         let uniform = positive + corners == 0 || positive + corners == 16 + LANES;
-        if uniform && depth >= MIN_DEPTH || depth == 6 {
+        if uniform && depth >= self.splits || depth == 6 {
             return (0..16)
                 .map(|i| WEIGHTS[i / 4] * WEIGHTS[i % 4] * values[i])
                 .sum();
