@@ -140,8 +140,7 @@ pub fn compile(
     let lights = LightTable::new(&tables.lights)?;
     let features = features(&tables, &lights, settings);
     let structure = match settings.accel {
-        AccelKind::Auto if tables.geometry.len() <= 64 => Structure::Linear,
-        AccelKind::Auto => Structure::Bvh8,
+        AccelKind::Auto => accel::auto(&tables.geometry),
         AccelKind::Linear => Structure::Linear,
         AccelKind::Bvh2 => Structure::Bvh2,
         AccelKind::Bvh8 => Structure::Bvh8,
