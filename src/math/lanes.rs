@@ -256,6 +256,23 @@ pub fn gather_u32(column: &[u32], index: U32s) -> U32s {
     imp::gather_u32(column, clamp_index(index, column.len()))
 }
 
+/// As [`gather`], for u64.
+///
+/// # Panics
+/// If the column is empty.
+#[inline(always)]
+pub fn gather_u64(column: &[u64], index: U32s) -> [u64; LANES] {
+    assert!(!column.is_empty());
+    imp::gather_u64(column, clamp_index(index, column.len()))
+}
+
+/// As [`compress`], for u64.
+#[inline(always)]
+pub fn compress_u64(column: &mut [u64], at: usize, mask: Mask, value: [u64; LANES]) {
+    let out = (&mut column[at..at + LANES]).try_into();
+    imp::compress_u64(out.expect("slice has LANES items"), mask, value);
+}
+
 #[inline(always)]
 fn clamp_index(index: U32s, len: usize) -> U32s {
     // Columns longer than 2^31 items do not exist: primitive and path indices are 31-bit at most.
@@ -368,6 +385,33 @@ mod imp {
         *out = U32s::from(unsafe { _mm512_maskz_compress_epi32(m.0, v.into()) }).to_array();
     }
     #[inline(always)]
+    pub(super) fn compress_u64(out: &mut [u64; LANES], m: Mask, v: [u64; LANES]) {
+        let [low, high]: [wide::u64x8; 2] = bytemuck::cast(v);
+        let low_mask = m.0 as u8;
+        // SAFETY: as above.
+        let packed = unsafe {
+            [
+                _mm512_maskz_compress_epi64(low_mask, low.into()),
+                _mm512_maskz_compress_epi64((m.0 >> 8) as u8, high.into()),
+            ]
+        };
+        let [low, high] = packed.map(|half| wide::u64x8::from(half).to_array());
+        let at = low_mask.count_ones() as usize;
+        out[..8].copy_from_slice(&low);
+        out[at..at + 8].copy_from_slice(&high);
+    }
+    #[inline(always)]
+    pub(super) fn gather_u64(column: &[u64], index: U32s) -> [u64; LANES] {
+        let halves: [wide::u32x8; 2] = bytemuck::cast(index);
+        let gathered = halves.map(|half| {
+            // SAFETY: the caller clamped every index below `column.len()`, and lengths fit i32.
+            wide::u64x8::from(unsafe {
+                _mm512_i32gather_epi64::<8>(half.into(), column.as_ptr().cast())
+            })
+        });
+        bytemuck::cast(gathered)
+    }
+    #[inline(always)]
     pub(super) fn gather_f32(column: &[f32], index: U32s) -> F32s {
         // SAFETY: the caller clamped every index below `column.len()`, and lengths fit i32.
         unsafe { _mm512_i32gather_ps::<4>(index.into(), column.as_ptr()) }.into()
@@ -457,6 +501,16 @@ mod imp {
         }
     }
     #[inline(always)]
+    pub(super) fn compress_u64(out: &mut [u64; LANES], m: Mask, v: [u64; LANES]) {
+        for (slot, lane) in out.iter_mut().zip(m.lanes()) {
+            *slot = v[lane];
+        }
+    }
+    #[inline(always)]
+    pub(super) fn gather_u64(column: &[u64], index: U32s) -> [u64; LANES] {
+        index.to_array().map(|i| column[i as usize])
+    }
+    #[inline(always)]
     pub(super) fn gather_f32(column: &[f32], index: U32s) -> F32s {
         F32s::from(index.to_array().map(|i| column[i as usize]))
     }
@@ -497,6 +551,15 @@ mod tests {
         let mut out = vec![-1.0; 2 * LANES];
         compress(&mut out, 3, mask, ramp());
         assert_eq!(out[3..7], [1.0, 2.0, 5.0, 7.0]);
+        let wide: [u64; LANES] = std::array::from_fn(|lane| (lane as u64) << 40);
+        let mut out = vec![1; 2 * LANES];
+        for bits in (0..=u16::MAX >> (16 - LANES)).step_by(37) {
+            compress_u64(&mut out, 2, Mask(bits), wide);
+            let expected: Vec<u64> = Mask(bits).lanes().map(|lane| wide[lane]).collect();
+            assert_eq!(out[2..2 + expected.len()], expected);
+        }
+        let got = gather_u64(&wide[..5], iota());
+        assert!((0..LANES).all(|lane| got[lane] == wide[lane.min(4)]));
         let column: Vec<f32> = (0..5).map(|i| i as f32 * 10.0).collect();
         let got = gather(&column, iota()).to_array();
         for (lane, value) in got.into_iter().enumerate() {
