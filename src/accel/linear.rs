@@ -28,8 +28,10 @@ use crate::math::lanes::{
 };
 use crate::math::vec3::Vec3s;
 
-/// Rays whose cosine with a polygon's normal is below this are grazing. A nearly hit-free value: one ray
-/// in 10⁶ that starts elsewhere than in the polygon's plane is both grazing and near the plane.
+/// Rays whose cosine with a face's normal is below this are grazing, and doubtful if they also start
+/// within this share of the scene's extent from the plane. Above it the quotient of plane distances is
+/// right to a thousandth of the distance. Of rays that start away from the plane one in 10⁶ is doubtful,
+/// of rays within the plane (from a coplanar neighbour) one in 10³.
 const GRAZING: f32 = 1.0 / 1024.0;
 
 /// Rays that start farther than this many scene radii from the scene's centre are traced one at a time.
