@@ -74,6 +74,15 @@ impl Rays {
     }
 
     fn occluded(&mut self, accel: &dyn Accel, t_max: &[f32], target: &[u32]) -> Vec<bool> {
+        self.occluded_counted(accel, t_max, target).0
+    }
+
+    fn occluded_counted(
+        &mut self,
+        accel: &dyn Accel,
+        t_max: &[f32],
+        target: &[u32],
+    ) -> (Vec<bool>, AccelCounters) {
         let size = padded(self.len);
         let (mut t_max, mut target) = (t_max.to_vec(), target.to_vec());
         t_max.resize(size, f32::NAN);
@@ -91,7 +100,8 @@ impl Rays {
             &mut occluded,
             &mut counters,
         );
-        occluded.into_iter().take(len).map(|o| o != 0).collect()
+        let occluded = occluded.into_iter().take(len).map(|o| o != 0).collect();
+        (occluded, counters)
     }
 }
 
@@ -196,6 +206,7 @@ fn room() -> Geometry {
         triangles: mesh.triangles(),
         spheres,
         groups,
+        segment_ends: None,
     }
 }
 
@@ -229,6 +240,7 @@ fn soup(triangles: usize, spheres: usize, rng: &mut Rng) -> Geometry {
             })
             .collect(),
         groups: Vec::new(),
+        segment_ends: None,
     }
 }
 
@@ -644,6 +656,7 @@ fn scenes_of_almost_nothing_are_answered() {
         triangles: triangles.to_vec(),
         spheres: spheres.to_vec(),
         groups: Vec::new(),
+        segment_ends: None,
     };
     let miss = (f32::INFINITY, PrimitiveId::NONE);
     for structure in ALL {
@@ -1024,4 +1037,46 @@ fn small_scenes_are_scanned_and_large_ones_get_a_tree() {
     assert_eq!(auto(&room()), Structure::Linear);
     assert_eq!(auto(&soup(LINEAR_MOST, 0, &mut rng)), Structure::Linear);
     assert_eq!(auto(&soup(LINEAR_MOST, 1, &mut rng)), Structure::Bvh8);
+}
+
+/// Whether the segment between two points of the room is occluded, with `ends` as the geometry's, and
+/// primitives tested.
+fn segments_in_room(
+    ends: Option<Vec<[f32; 3]>>,
+    segments: &[([f32; 3], [f32; 3])],
+) -> (Vec<bool>, u64) {
+    let accel = LinearScan::new(&Geometry { segment_ends: ends, ..room() });
+    let (mut rays, mut t_max) = (Rays::default(), Vec::new());
+    for &(from, to) in segments {
+        let end = to.map(f64::from);
+        rays.push(from, towards(from, end), PrimitiveId::NONE);
+        let offset = DVec3::from_array(end) - DVec3::from_array(from.map(f64::from));
+        t_max.push(offset.length() as f32);
+    }
+    let none = vec![PrimitiveId::NONE; segments.len()];
+    let (occluded, counters) = rays.occluded_counted(&accel, &t_max, &none);
+    (occluded, counters.tests)
+}
+
+#[test]
+fn between_points_of_a_room_its_walls_are_left_out_and_nothing_changes() {
+    let mut rng = Rng(31);
+    let segments: Vec<_> =
+        (0..50_000).map(|_| (point_in_room(&mut rng), point_in_room(&mut rng))).collect();
+    let (full, full_tests) = segments_in_room(None, &segments);
+    let (lean, lean_tests) = segments_in_room(Some(Vec::new()), &segments);
+    assert_eq!(full, lean);
+    assert!(full.iter().any(|&o| o) && !full.iter().all(|&o| o));
+    // Floor, ceiling, six walls and the tetrahedron's base on the floor are outside; the light, the rest
+    // of the tetrahedron and the spheres stay.
+    assert_eq!(full_tests - lean_tests, 9 * segments.len() as u64);
+}
+
+#[test]
+fn a_wall_between_the_room_and_a_light_outside_occludes() {
+    let light = [40.0, 0.0, 0.0];
+    let mut rng = Rng(32);
+    let segments: Vec<_> = (0..1000).map(|_| (point_in_room(&mut rng), light)).collect();
+    let (occluded, _) = segments_in_room(Some(vec![light]), &segments);
+    assert!(occluded.iter().all(|&o| o));
 }

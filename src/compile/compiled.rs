@@ -142,6 +142,11 @@ pub fn compile(
     tables.surfaces.light = tables.light.iter().copied().collect();
     tables.surfaces.class = tables.class.iter().copied().collect();
     let features = features(&tables, &lights, settings);
+    // Shadow rays to the background leave the scene; all others end on a primitive or a point light.
+    tables.geometry.segment_ends = (scene.background.max_element() <= 0.0).then(|| {
+        let points = scene.point_lights.iter();
+        points.map(|light| tables.point(light.position)).collect()
+    });
     let structure = match settings.accel {
         AccelKind::Auto => accel::auto(&tables.geometry),
         AccelKind::Linear => Structure::Linear,

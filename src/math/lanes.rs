@@ -187,56 +187,47 @@ impl Compare for U32s {
 /// If the column ends before.
 #[inline(always)]
 pub fn load(column: &[f32], at: usize) -> F32s {
-    let lanes: [f32; LANES] = column[at..at + LANES]
-        .try_into()
-        .expect("slice has LANES items");
-    F32s::from(lanes)
+    // Read as bytes: a by-value array of lanes is taken apart on the stack in some kernels.
+    bytemuck::pod_read_unaligned(bytemuck::cast_slice(&column[at..at + LANES]))
 }
 
 /// As [`load`], for u32.
 #[inline(always)]
 pub fn load_u32(column: &[u32], at: usize) -> U32s {
-    let lanes: [u32; LANES] = column[at..at + LANES]
-        .try_into()
-        .expect("slice has LANES items");
-    U32s::from(lanes)
+    bytemuck::pod_read_unaligned(bytemuck::cast_slice(&column[at..at + LANES]))
 }
 
 /// Writes `column[at .. at + LANES]`.
 #[inline(always)]
 pub fn store(column: &mut [f32], at: usize, value: F32s) {
-    column[at..at + LANES].copy_from_slice(value.as_array());
+    *chunk(column, at) = bytemuck::cast(value);
 }
 
 /// As [`store`], for u32.
 #[inline(always)]
 pub fn store_u32(column: &mut [u32], at: usize, value: U32s) {
-    column[at..at + LANES].copy_from_slice(value.as_array());
+    *chunk(column, at) = bytemuck::cast(value);
+}
+
+/// `column[at .. at + LANES]` as an array.
+#[inline(always)]
+fn chunk<T>(column: &mut [T], at: usize) -> &mut [T; LANES] {
+    (&mut column[at..at + LANES])
+        .try_into()
+        .expect("slice has LANES items")
 }
 
 /// Writes the lanes of `mask`, in order and without gaps, from `column[at]` on. May overwrite all
 /// of `column[at .. at + LANES]`.
 #[inline(always)]
 pub fn compress(column: &mut [f32], at: usize, mask: Mask, value: F32s) {
-    imp::compress_f32(
-        (&mut column[at..at + LANES])
-            .try_into()
-            .expect("slice has LANES items"),
-        mask,
-        value,
-    );
+    imp::compress_f32(chunk(column, at), mask, value);
 }
 
 /// As [`compress`], for u32.
 #[inline(always)]
 pub fn compress_u32(column: &mut [u32], at: usize, mask: Mask, value: U32s) {
-    imp::compress_u32(
-        (&mut column[at..at + LANES])
-            .try_into()
-            .expect("slice has LANES items"),
-        mask,
-        value,
-    );
+    imp::compress_u32(chunk(column, at), mask, value);
 }
 
 /// `column[index]` per lane; an index past the end reads the last item.
@@ -269,8 +260,7 @@ pub fn gather_u64(column: &[u64], index: U32s) -> [u64; LANES] {
 /// As [`compress`], for u64.
 #[inline(always)]
 pub fn compress_u64(column: &mut [u64], at: usize, mask: Mask, value: [u64; LANES]) {
-    let out = (&mut column[at..at + LANES]).try_into();
-    imp::compress_u64(out.expect("slice has LANES items"), mask, value);
+    imp::compress_u64(chunk(column, at), mask, value);
 }
 
 #[inline(always)]
