@@ -194,13 +194,14 @@ fn sample_light<M: Material, const F: u32>(
         valid = valid & sample.delta;
     }
     let (value, pdf) = M::eval(params, hits.wo, hits.frame.to_local(sample.direction));
-    let mut weight = F32s::splat(1.0);
-    if scene.on::<F>(Features::MIS) {
-        weight = sample
-            .delta
-            .select(weight, mis::power_heuristic(sample.pdf, pdf));
-    }
-    let incoming = sample.radiance * (weight / sample.pdf);
+    // Weight over density; the weight of a delta light is 1.
+    let alone = F32s::splat(1.0) / sample.pdf;
+    let over_pdf = if scene.on::<F>(Features::MIS) {
+        sample.delta.select(alone, mis::power_heuristic_over_pdf(sample.pdf, pdf))
+    } else {
+        alone
+    };
+    let incoming = sample.radiance * over_pdf;
     let radiance = hits.throughput.mul_elem(value).mul_elem(incoming);
     let brings = valid & radiance.max_elem().gt(F32s::splat(0.0));
     if brings.none() {
@@ -224,7 +225,7 @@ fn sample_light<M: Material, const F: u32>(
     compress(&mut shadows.radiance_b, at, brings, radiance.z);
     compress_u32(&mut shadows.path, at, brings, hits.path);
     if scene.on::<F>(Features::TRANSPARENT_SHADOWS) {
-        compress(&mut shadows.weight, at, brings, weight);
+        compress(&mut shadows.weight, at, brings, over_pdf * sample.pdf);
     }
     shadows.len += brings.count();
     count_depths(&mut wave.counters.shadow_rays, hits.state, brings);
