@@ -3,9 +3,11 @@
 mod agreement;
 mod builder;
 mod cli;
+mod closed_forms;
 mod determinism;
 mod furnace;
 mod oracles;
-mod reference_closed_forms;
+mod reference;
+mod renderer;
 mod support;
 mod ztest;
