@@ -874,3 +874,19 @@ fn an_empty_scene_shows_its_background(by: Renderer) {
     by.measure(&scene.build(), &whitted(5), 2)
         .assert_is_exactly(0.25);
 }
+#[test]
+fn zz_dbg() {
+    for is_sphere in [false, true] {
+        for albedo in [0.5] {
+            let mut scene = furnace(lambertian(albedo), 1.0, is_sphere);
+            scene.background(0.0);
+            for strategy in STRATEGIES {
+                for accel in crate::renderer::STRUCTURES { for roulette_depth in [0, 1, 5, 100] {
+                    let settings = RenderSettings { accel, roulette_depth, max_depth: Some(60), ..endless(strategy) };
+                    let m = Renderer::Wavefront.measure(&scene.build(), &settings, 20_000);
+                    println!("sphere {is_sphere} {albedo} {strategy:?} {accel:?} rd {roulette_depth}: {} +- {} {:?}", m.mean, m.error, m.counts);
+                }}
+            }
+        }
+    }
+}
