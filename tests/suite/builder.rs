@@ -220,6 +220,30 @@ impl SceneBuilder {
     }
 }
 
+/// A closed room that emits 1 everywhere, a cube or a sphere, seen from within: radiance is the same
+/// everywhere (a furnace). A ray that leaks finds a background of 1e9.
+pub(crate) fn glowing_room(
+    bsdf: BsdfDescription,
+    size: f64,
+    place: DVec3,
+    is_sphere: bool,
+) -> SceneBuilder {
+    let mut scene = SceneBuilder::new();
+    let wall = scene.two_sided(bsdf, 1.0);
+    let turn = glam::DQuat::from_scaled_axis(DVec3::new(0.3, 1.1, -0.7));
+    let eye = if is_sphere {
+        scene.sphere(place.into(), size, wall);
+        place + DVec3::splat(0.2) * size
+    } else {
+        scene.skew_cube(size, place, wall);
+        place + turn * DVec3::splat(0.4) * size
+    };
+    let at = eye + DVec3::new(0.3, -0.5, 0.7) * size;
+    scene.window(eye.into(), at.into(), [size, 0.0, 0.0], [0.0, -size, 0.0]);
+    scene.background(1e9);
+    scene
+}
+
 /// A box of many materials with every kind of light, seen from within.
 pub(crate) fn busy_room() -> SceneBuilder {
     let mut scene = SceneBuilder::new();

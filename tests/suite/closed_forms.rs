@@ -6,7 +6,7 @@ use glam::DVec3;
 use wavepath::reference::RayCounts;
 use wavepath::scene::{BsdfDescription, Fresnel, RenderSettings, SceneDescription, Strategy};
 
-use crate::builder::{SceneBuilder, busy_room, glass, lambertian, mirror};
+use crate::builder::{SceneBuilder, busy_room, glass, glowing_room, lambertian, mirror};
 use crate::oracles;
 use crate::renderer::{Renderer, STRATEGIES, endless, path, shown_by_both, whitted};
 use crate::ztest::assert_same;
@@ -297,28 +297,6 @@ fn pixels_run_right_and_down_and_are_box_filtered(by: Renderer) {
     }
 }
 
-/// A closed room that emits 1 everywhere, or a sphere, seen from within.
-fn furnace(bsdf: BsdfDescription, size: f64, is_sphere: bool) -> SceneBuilder {
-    let mut scene = SceneBuilder::new();
-    let wall = scene.two_sided(bsdf, 1.0);
-    if is_sphere {
-        scene.sphere([0.0; 3], size, wall);
-    } else {
-        scene.skew_cube(size, DVec3::ZERO, wall);
-    }
-    let turn = glam::DQuat::from_scaled_axis(DVec3::new(0.3, 1.1, -0.7));
-    let eye = if is_sphere {
-        DVec3::splat(0.2)
-    } else {
-        turn * DVec3::splat(0.4)
-    } * size;
-    let at = eye + DVec3::new(0.3, -0.5, 0.7) * size;
-    scene.window(eye.into(), at.into(), [size, 0.0, 0.0], [0.0, -size, 0.0]);
-    // A ray that leaks would find this.
-    scene.background(1e9);
-    scene
-}
-
 fn a_furnace_is_exact_in_every_sample_at_any_size(by: Renderer) {
     for size in [1e-6, 1e-3, 1.0, 1e3, 1e7] {
         for is_sphere in [false, true] {
@@ -328,7 +306,7 @@ fn a_furnace_is_exact_in_every_sample_at_any_size(by: Renderer) {
                 (lambertian(1.0), 1.0),
                 (mirror(0.9), 0.9),
             ] {
-                let scene = furnace(bsdf, size, is_sphere).build();
+                let scene = glowing_room(bsdf, size, DVec3::ZERO, is_sphere).build();
                 for bounces in [0, 1, 30] {
                     by.measure(&scene, &path(Strategy::Bsdf, bounces + 1), 500)
                         .assert_is_exactly(oracles::furnace(albedo, bounces));
@@ -341,7 +319,7 @@ fn a_furnace_is_exact_in_every_sample_at_any_size(by: Renderer) {
 fn a_furnace_keeps_its_mean_with_light_sampling_and_roulette(by: Renderer) {
     for is_sphere in [false, true] {
         for (albedo, samples) in [(0.5, 20_000), (0.9, 5_000)] {
-            let mut scene = furnace(lambertian(albedo), 1.0, is_sphere);
+            let mut scene = glowing_room(lambertian(albedo), 1.0, DVec3::ZERO, is_sphere);
             scene.background(0.0);
             for strategy in STRATEGIES {
                 for roulette_depth in [0, 5] {
@@ -597,14 +575,11 @@ fn a_boundary_between_equal_indices_is_not_there(by: Renderer) {
     filled.sphere([0.0, 0.0, 1.0], 1.2, nothing);
     filled.skew_cube(0.5, DVec3::new(0.1, 0.0, 0.6), nothing);
     for settings in [path(Strategy::Mis, 5), whitted(5)] {
-        let [with, without] = [&filled, &scene]
-            .map(|scene| by.image(&scene.build(), &settings, [16; 2], 4).0.mean);
+        let [with, without] =
+            [&filled, &scene].map(|scene| by.image(&scene.build(), &settings, [16; 2], 4).0.mean);
         assert!(with.iter().any(|pixel| pixel[0] != with[0][0]));
         for (a, b) in with.iter().zip(&without) {
-            assert!(
-                (a[0] - b[0]).abs() <= by.rounding() * b[0],
-                "{a:?}, {b:?}"
-            );
+            assert!((a[0] - b[0]).abs() <= by.rounding() * b[0], "{a:?}, {b:?}");
         }
     }
 }

@@ -5,6 +5,8 @@ mod builder;
 mod cli;
 mod closed_forms;
 mod determinism;
+mod extremes;
+mod features;
 mod furnace;
 mod oracles;
 mod reference;
