@@ -15,9 +15,11 @@ shown_by_both! {
     rectangle_lights_match_lamberts_formula,
     triangle_lights_match_lamberts_formula,
     a_light_that_touches_the_floor_is_bounded_by_mis,
+    the_floor_at_the_foot_of_a_glowing_wall_has_its_closed_form,
     a_wall_in_the_plane_of_a_light_does_not_hide_it,
     sphere_lights_match_their_closed_form_also_when_the_horizon_cuts_them,
     tiny_bright_spheres_keep_their_power,
+    a_tiny_sphere_of_huge_radiance_lights_near_and_far,
     point_lights_add_up_and_fall_with_the_square_of_the_distance,
     one_sided_emitters_are_black_from_behind,
     pixels_run_right_and_down_and_are_box_filtered,
@@ -140,6 +142,30 @@ fn a_light_that_touches_the_floor_is_bounded_by_mis(by: Renderer) {
     assert!(measured.error < 0.01 * measured.mean, "{measured:?}");
 }
 
+fn the_floor_at_the_foot_of_a_glowing_wall_has_its_closed_form(by: Renderer) {
+    // The floor from the wall's foot to 5 cm before it, on the middle line: half of the wall's
+    // square light is nearer than any step, and its mean over that stretch is known.
+    let mut scene = SceneBuilder::new();
+    let floor = scene.matter(lambertian(0.6));
+    let light = scene.one_sided(BsdfDescription::Black, 1.0);
+    scene.floor(2.0, 0.0, floor);
+    scene.quad(
+        [
+            [0.0, -0.5, 0.0],
+            [0.0, 0.5, 0.0],
+            [0.0, 0.5, 1.0],
+            [0.0, -0.5, 1.0],
+        ],
+        light,
+    );
+    scene.window([1.0, 0.0, 1.5], [0.0; 3], [0.05, 0.0, 0.0], [0.0; 3]);
+    for strategy in [Strategy::Mis, Strategy::Bsdf] {
+        // The mean is given to seven digits.
+        by.measure(&scene.build(), &path(strategy, 2), 20_000)
+            .assert_is_within(reflected(1.509302), 1e-6);
+    }
+}
+
 fn a_wall_in_the_plane_of_a_light_does_not_hide_it(by: Renderer) {
     let turn = glam::DQuat::from_scaled_axis(DVec3::new(0.4, 0.3, 0.8));
     let place = |x: f64, y: f64| (turn * DVec3::new(x, y, 1.3)).to_array();
@@ -199,6 +225,19 @@ fn tiny_bright_spheres_keep_their_power(by: Renderer) {
         // The irradiance is 1 at any size; beyond first order every sample is the same.
         measured.assert_is_within(reflected(1.0), 1e-6 * reflected(1.0));
         assert!(measured.error < 1e-6 * measured.mean, "{measured:?}");
+    }
+}
+
+fn a_tiny_sphere_of_huge_radiance_lights_near_and_far(by: Renderer) {
+    for distance in [1.0, 0.1, 0.01] {
+        let mut scene = lit_floor();
+        let light = scene.one_sided(BsdfDescription::Black, 1e10);
+        scene.sphere([0.0, 0.6 * distance, 0.8 * distance], 1e-4, light);
+        let expected = reflected(1e10 * oracles::sphere_irradiance(distance, 1e-4, 0.8));
+        for strategy in [Strategy::Mis, Strategy::Nee] {
+            by.measure(&scene.build(), &path(strategy, 2), 10_000)
+                .assert_is(expected);
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The integration tests, as one binary.
 
 mod agreement;
+mod auxiliary;
 mod builder;
 mod cli;
 mod closed_forms;
