@@ -32,6 +32,7 @@ shown_by_both! {
     directional_albedos_match_their_closed_forms,
     slabs_transmit_the_sum_of_their_inner_reflections,
     lossless_glass_vanishes_in_a_uniform_room_and_magnifies_radiance_inside,
+    a_light_within_glass_is_dimmed_by_reflection_and_by_the_square_of_the_index,
     a_boundary_between_equal_indices_is_not_there,
     a_glass_sphere_fills_in_with_the_number_of_its_surface_events,
     a_mirror_hall_shows_every_reflection_exactly,
@@ -590,6 +591,26 @@ fn lossless_glass_vanishes_in_a_uniform_room_and_magnifies_radiance_inside(by: R
         );
         by.measure(&scene.build(), &settings, 4000)
             .assert_is(2.0 * ior * ior);
+    }
+}
+
+fn a_light_within_glass_is_dimmed_by_reflection_and_by_the_square_of_the_index(by: Renderer) {
+    // Looking at the common middle of a ball of glass and a black lamp in it. What the boundary
+    // reflects back falls onto the lamp again and is absorbed.
+    for ior in [1.5, 0.8] {
+        let mut scene = SceneBuilder::new();
+        let clear = scene.matter(glass(ior));
+        let lamp = scene.one_sided(BsdfDescription::Black, 3.0);
+        scene.sphere([0.0; 3], 1.0, clear);
+        scene.sphere([0.0; 3], 0.4, lamp);
+        scene.aim([4.0, 0.0, 0.0], [0.0; 3]);
+        let expected = 3.0 * (1.0 - oracles::fresnel(ior, 1.0)) / (ior * ior);
+        for strategy in STRATEGIES {
+            by.measure(&scene.build(), &endless(strategy), 4000)
+                .assert_is(expected);
+        }
+        by.measure(&scene.build(), &whitted(9), 4000)
+            .assert_is_exactly(expected);
     }
 }
 

@@ -3,12 +3,13 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use wavepath::compile::compile;
 use wavepath::integrator::Outcome;
 use wavepath::scene::{
     BsdfDescription, Budget, RenderSettings, SamplerKind, SceneDescription, Strategy,
 };
 
-use crate::builder::{SceneBuilder, glowing_room, lambertian};
+use crate::builder::{SceneBuilder, glowing_room, lambertian, mirror};
 use crate::oracles;
 use crate::renderer::{Renderer, STRATEGIES, STRUCTURES, endless, path, whitted};
 use crate::support::picture;
@@ -364,5 +365,55 @@ fn strata_lower_the_error_of_a_smooth_picture_and_the_estimate_of_it() {
             stratified < 0.5 * independent,
             "{strategy:?}: {stratified} is not much less than {independent}"
         );
+    }
+}
+
+#[test]
+fn paths_longer_than_depths_are_counted_apart_keep_their_number_and_their_light() {
+    // Each mirror adds its emission, to any depth; only the counts are summed up at the end.
+    let scene = glowing_room(mirror(1.0), 1.0, DVec3::ZERO, true).build();
+    for settings in [path(Strategy::Mis, 1000), whitted(1000)] {
+        let outcome = odd_picture(&scene, &settings);
+        assert_every_pixel_is(&outcome, 1000.0);
+        let stats = &outcome.stats;
+        assert_eq!(stats.rays(), 1000 * stats.paths);
+        assert_eq!(stats.truncated, stats.paths);
+        let by_depth: u64 = stats.depths.iter().map(|depth| depth.rays).sum();
+        assert_eq!(by_depth, stats.rays());
+        assert!(stats.depths.len() < 1000);
+        assert_eq!(stats.depths[62].rays, stats.paths);
+    }
+}
+
+#[test]
+fn the_widest_film_is_filled() {
+    let scene = glowing_room(lambertian(0.5), 1.0, DVec3::ZERO, false).build();
+    let settings = RenderSettings {
+        budget: Budget::Samples(1),
+        ..path(Strategy::Bsdf, 3)
+    };
+    for size in [[65_535, 1], [1, 65_535]] {
+        assert_every_pixel_is(&picture(&scene, 0, size, &settings), 1.75);
+    }
+}
+
+#[test]
+fn faces_without_area_in_f32_are_dropped_counted_and_do_not_show() {
+    // A sliver far from the middle of the scene, narrower than the spacing of f32 there; it would
+    // be a light if it were there.
+    let mut scene = SceneBuilder::new();
+    let floor = scene.matter(lambertian(0.6));
+    scene.floor(1000.0, 0.0, floor);
+    let light = scene.two_sided(BsdfDescription::Black, 5.0);
+    let (x, z) = (900.0, 1e-9);
+    let sliver = [[x, 0.0, z], [x + 1e-9, 0.0, z], [x, 1e-9, z]];
+    scene.mesh(sliver.map(DVec3::from).to_vec(), vec![[0, 1, 2]], light);
+    scene.background(1.0);
+    scene.aim([900.0, 0.0, 2.0], [900.0, 0.0, 0.0]);
+    for settings in all_methods(5) {
+        let scene = scene.build();
+        let compiled = compile(&scene, 0, 16, 16, &settings).expect("the scene is sound");
+        assert_eq!((compiled.dropped, compiled.lights.len()), (1, 1));
+        assert_every_pixel_is(&odd_picture(&scene, &settings), 0.6);
     }
 }

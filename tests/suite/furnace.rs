@@ -2,7 +2,9 @@
 
 use glam::DVec3;
 use wavepath::integrator::Outcome;
-use wavepath::scene::{Budget, EmissionDescription, RenderSettings, Strategy};
+use wavepath::scene::{
+    Budget, EmissionDescription, RenderSettings, SamplerKind, SceneDescription, Strategy,
+};
 
 use crate::builder::{glowing_room, lambertian};
 use crate::oracles;
@@ -178,7 +180,7 @@ fn assert_uniform(outcome: &Outcome, albedo: f64, depth: u32, label: &str) {
 
 #[test]
 fn a_furnace_is_exact_at_any_size_and_place_in_every_structure() {
-    let sizes = [1e-6, 1e-3, 1.0, 1e3, 1e7].map(|size| (size, DVec3::ZERO));
+    let sizes = [1e-12, 1e-6, 1e-3, 1.0, 1e3, 1e7, 1e18].map(|size| (size, DVec3::ZERO));
     let places = [1e3, 1e4, 1e5, 1e6].map(|far| (1.0, DVec3::new(far, -0.3 * far, 0.7 * far)));
     for (size, place) in sizes.into_iter().chain(places) {
         for is_sphere in [false, true] {
@@ -197,8 +199,8 @@ fn a_furnace_is_exact_at_any_size_and_place_in_every_structure() {
     }
 }
 
-#[test]
-fn the_hexagonal_room_as_a_furnace_shows_no_leak_and_no_line_from_its_edge() {
+/// The hexagonal room with all that is in it, of which everything emits 1 and reflects one half.
+fn glowing_hexagonal_room() -> SceneDescription {
     let mut scene = load("hexroom.toml");
     for material in &mut scene.materials {
         material.bsdf = lambertian(0.5);
@@ -208,6 +210,12 @@ fn the_hexagonal_room_as_a_furnace_shows_no_leak_and_no_line_from_its_edge() {
         });
     }
     scene.background = DVec3::splat(1e9);
+    scene
+}
+
+#[test]
+fn the_hexagonal_room_as_a_furnace_shows_no_leak_and_no_line_from_its_edge() {
+    let scene = glowing_hexagonal_room();
     for accel in STRUCTURES {
         let settings = RenderSettings {
             accel,
@@ -222,6 +230,31 @@ fn the_hexagonal_room_as_a_furnace_shows_no_leak_and_no_line_from_its_edge() {
                 12,
                 &format!("camera {}, {accel:?}", view.name),
             );
+        }
+    }
+}
+
+#[test]
+fn the_hexagonal_room_as_a_furnace_keeps_its_mean_when_its_lights_are_sampled() {
+    // Triangles, parallelograms and spheres seen from outside light one another and themselves.
+    let mut scene = glowing_hexagonal_room();
+    scene.background = DVec3::ZERO;
+    for strategy in [Strategy::Mis, Strategy::Nee] {
+        for sampler in [SamplerKind::Independent, SamplerKind::Stratified] {
+            let settings = RenderSettings {
+                sampler,
+                threads: 2,
+                ..path(strategy, 12)
+            };
+            for camera in 0..scene.cameras.len() {
+                let outcome = picture(&scene, camera, [32, 32], &settings);
+                let expected = oracles::furnace(0.5, 11);
+                let (mean, error) = image_mean(&outcome)[0];
+                assert!(
+                    (mean - expected).abs() <= 4.0 * error + 1e-5,
+                    "{strategy:?}, {sampler:?}, camera {camera}: {mean} ± {error}, not {expected}"
+                );
+            }
         }
     }
 }
