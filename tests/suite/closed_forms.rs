@@ -4,7 +4,10 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 use wavepath::reference::RayCounts;
-use wavepath::scene::{BsdfDescription, Fresnel, RenderSettings, SceneDescription, Strategy};
+use wavepath::scene::{
+    BsdfDescription, CameraDescription, Fresnel, Projection, RenderSettings, SceneDescription,
+    Strategy,
+};
 
 use crate::builder::{SceneBuilder, busy_room, glass, glowing_room, lambertian, mirror};
 use crate::oracles;
@@ -18,10 +21,12 @@ shown_by_both! {
     the_floor_at_the_foot_of_a_glowing_wall_has_its_closed_form,
     a_wall_in_the_plane_of_a_light_does_not_hide_it,
     sphere_lights_match_their_closed_form_also_when_the_horizon_cuts_them,
+    a_sphere_light_lights_the_floor_that_it_lies_on,
     tiny_bright_spheres_keep_their_power,
     a_tiny_sphere_of_huge_radiance_lights_near_and_far,
     point_lights_add_up_and_fall_with_the_square_of_the_distance,
     one_sided_emitters_are_black_from_behind,
+    an_emissive_sphere_covers_its_share_of_the_picture,
     pixels_run_right_and_down_and_are_box_filtered,
     a_furnace_is_exact_in_every_sample_at_any_size,
     a_furnace_keeps_its_mean_with_light_sampling_and_roulette,
@@ -33,6 +38,7 @@ shown_by_both! {
     slabs_transmit_the_sum_of_their_inner_reflections,
     lossless_glass_vanishes_in_a_uniform_room_and_magnifies_radiance_inside,
     a_light_within_glass_is_dimmed_by_reflection_and_by_the_square_of_the_index,
+    glass_that_glows_adds_up_what_is_emitted_on_both_sides,
     a_boundary_between_equal_indices_is_not_there,
     a_glass_sphere_fills_in_with_the_number_of_its_surface_events,
     a_mirror_hall_shows_every_reflection_exactly,
@@ -217,6 +223,25 @@ fn sphere_lights_match_their_closed_form_also_when_the_horizon_cuts_them(by: Ren
     }
 }
 
+fn a_sphere_light_lights_the_floor_that_it_lies_on(by: Renderer) {
+    // So near to where it touches the floor that it fills almost all of the hemisphere.
+    for x in [0.3, 0.01] {
+        let mut scene = SceneBuilder::new();
+        let floor = scene.matter(lambertian(0.6));
+        let light = scene.one_sided(BsdfDescription::Black, 1.0);
+        scene.floor(4.0, 0.0, floor);
+        scene.sphere([-x, 0.0, 1.0], 1.0, light);
+        // From beneath the tangent.
+        scene.aim([3.0, 0.0, 3.0 * x], [0.0; 3]);
+        let distance = x.hypot(1.0);
+        let expected = reflected(oracles::sphere_irradiance(distance, 1.0, 1.0 / distance));
+        for strategy in STRATEGIES {
+            by.measure(&scene.build(), &path(strategy, 2), 20_000)
+                .assert_is(expected);
+        }
+    }
+}
+
 fn tiny_bright_spheres_keep_their_power(by: Renderer) {
     for radius in [1e-3, 1e-6, 1e-9] {
         let mut scene = lit_floor();
@@ -280,12 +305,7 @@ fn point_lights_add_up_and_fall_with_the_square_of_the_distance(by: Renderer) {
 }
 
 fn one_sided_emitters_are_black_from_behind(by: Renderer) {
-    for (two_sided, from_above, expected) in [
-        (false, true, 5.0),
-        (false, false, 0.0),
-        (true, true, 5.0),
-        (true, false, 5.0),
-    ] {
+    for two_sided in [false, true] {
         let mut scene = SceneBuilder::new();
         let black = BsdfDescription::Black;
         let light = if two_sided {
@@ -294,14 +314,53 @@ fn one_sided_emitters_are_black_from_behind(by: Renderer) {
             scene.one_sided(black, 5.0)
         };
         scene.floor(1.0, 0.0, light);
-        scene.aim(
-            [0.3, 0.2, if from_above { 1.0 } else { -1.0 }],
-            [0.1, 0.0, 0.0],
+        scene.sphere([0.0, 0.0, 5.0], 1.0, light);
+        let behind = if two_sided { 5.0 } else { 0.0 };
+        for (eye, at, expected) in [
+            ([0.3, 0.2, 1.0], [0.1, 0.0, 0.0], 5.0),
+            ([0.3, 0.2, -1.0], [0.1, 0.0, 0.0], behind),
+            ([0.3, 0.2, 3.0], [0.0, 0.0, 5.0], 5.0),
+            ([0.3, 0.2, 5.0], [0.0, 0.0, 9.0], behind),
+        ] {
+            let mut scene = scene.clone();
+            scene.aim(eye, at);
+            for settings in [path(Strategy::Mis, 1), whitted(1)] {
+                by.measure(&scene.build(), &settings, 2)
+                    .assert_is_exactly(expected);
+            }
+        }
+    }
+}
+
+fn an_emissive_sphere_covers_its_share_of_the_picture(by: Renderer) {
+    // A cone of half angle asin(r/d) about the axis cuts the image plane in a circle.
+    let (radius, distance, fov_y) = (1.0, 5.0, 40f64);
+    let mut scene = SceneBuilder::new();
+    let light = scene.one_sided(BsdfDescription::Black, 1.0);
+    scene.sphere([1.0, 2.0, 3.0], radius, light);
+    let mut scene = scene.build();
+    let target = DVec3::new(1.0, 2.0, 3.0);
+    scene.cameras.push(CameraDescription {
+        name: "look".into(),
+        projection: Projection::LookAt {
+            eye: target + distance * DVec3::new(0.6, 0.0, 0.8),
+            target,
+            up: DVec3::Y,
+            fov_y,
+        },
+    });
+    let circle = PI * (radius / distance).asin().tan().powi(2);
+    let square = 4.0 * (fov_y.to_radians() / 2.0).tan().powi(2);
+    for (size, aspect) in [([32, 32], 1.0), ([64, 32], 2.0), ([32, 48], 2.0 / 3.0)] {
+        let (image, _) = by.image(&scene, &path(Strategy::Mis, 1), size, 16);
+        let n = image.mean.len() as f64;
+        let covered = image.mean.iter().map(|pixel| pixel[0]).sum::<f64>() / n;
+        let variance: f64 = image.variance_of_mean.iter().map(|pixel| pixel[0]).sum();
+        let expected = circle / square / aspect;
+        assert!(
+            (covered - expected).abs() < 4.0 * variance.sqrt() / n,
+            "{size:?}: {covered}, not {expected}"
         );
-        by.measure(&scene.build(), &path(Strategy::Mis, 1), 2)
-            .assert_is_exactly(expected);
-        by.measure(&scene.build(), &whitted(1), 2)
-            .assert_is_exactly(expected);
     }
 }
 
@@ -611,6 +670,21 @@ fn a_light_within_glass_is_dimmed_by_reflection_and_by_the_square_of_the_index(b
         }
         by.measure(&scene.build(), &whitted(9), 4000)
             .assert_is_exactly(expected);
+    }
+}
+
+fn glass_that_glows_adds_up_what_is_emitted_on_both_sides(by: Renderer) {
+    // A ray through the middle of a ball sees 1 from its outside and Σ R^k = 1/(1 − R) from within,
+    // of which (1 − R)/n² gets out.
+    for ior in [1.5, 0.8] {
+        let mut scene = SceneBuilder::new();
+        let glowing = scene.two_sided(glass(ior), 1.0);
+        scene.sphere([0.0; 3], 1.0, glowing);
+        scene.aim([4.0, 0.0, 0.0], [0.0; 3]);
+        for strategy in STRATEGIES {
+            by.measure(&scene.build(), &endless(strategy), 4000)
+                .assert_is(1.0 + 1.0 / (ior * ior));
+        }
     }
 }
 
