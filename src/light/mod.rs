@@ -366,11 +366,7 @@ pub struct Receiver {
 ///
 /// `KINDS` must contain [`LightTable::kinds`].
 #[inline(always)]
-pub fn sample<const KINDS: u32>(
-    lights: &LightTable,
-    at: &Receiver,
-    u: [F32s; 3],
-) -> LightSample {
+pub fn sample<const KINDS: u32>(lights: &LightTable, at: &Receiver, u: [F32s; 3]) -> LightSample {
     let light = if KINDS & kinds::MANY == 0 {
         U32s::splat(0)
     } else {
@@ -410,7 +406,8 @@ pub fn sample<const KINDS: u32>(
             }
             let point = is(kinds::POINT);
             if point.any() {
-                found = LightSample::select(point, point::sample::<KINDS>(lights, light, at.p), found);
+                found =
+                    LightSample::select(point, point::sample::<KINDS>(lights, light, at.p), found);
             }
             let background = is(kinds::BACKGROUND);
             if background.any() {

@@ -82,7 +82,15 @@ fn irradiance<const KINDS: u32>(
             lights.choice.choose(u[0])
         };
         let hit = p.add_scaled(s.direction, s.distance);
-        let stated = pdf::<KINDS>(lights, chosen, &receiver(p, n), hit, s.direction, s.distance).to_array();
+        let stated = pdf::<KINDS>(
+            lights,
+            chosen,
+            &receiver(p, n),
+            hit,
+            s.direction,
+            s.distance,
+        )
+        .to_array();
         let directions = s.direction.to_lanes();
         for lane in 0..LANES {
             let at = |x: F32s| f64::from(x.to_array()[lane]);
@@ -204,8 +212,11 @@ fn irradiance_inside_a_two_sided_sphere_is_pi() {
         e.check(PI, &format!("inside at {p:?}"));
     }
     let one_sided = table(&[Light::Sphere(sphere([0.0; 3], 1.0))]);
-    let s =
-        sample::<{ kinds::SPHERE }>(&one_sided, &receiver(Vec3s::zero(), splat(UP)), [F32s::splat(0.4); 3]);
+    let s = sample::<{ kinds::SPHERE }>(
+        &one_sided,
+        &receiver(Vec3s::zero(), splat(UP)),
+        [F32s::splat(0.4); 3],
+    );
     assert_eq!(s.valid, Mask::NONE);
 }
 
@@ -219,8 +230,7 @@ fn a_sphere_lights_its_own_points_from_within_whatever_side_rounding_put_them_on
     let mut random = Uniform::new(47);
     let inward = unit([-0.3, 0.4, -0.5]);
     for off in [-1e-6, 0.0, 1e-6] {
-        let p: [f64; 3] =
-            std::array::from_fn(|i| [0.2, -0.1, 0.3][i] - (1.0 + off) * inward[i]);
+        let p: [f64; 3] = std::array::from_fn(|i| [0.2, -0.1, 0.3][i] - (1.0 + off) * inward[i]);
         let at = Receiver {
             primitive: U32s::splat(light.primitive),
             ..receiver(splat(p), splat(inward))
@@ -259,7 +269,11 @@ fn point_light_gives_inverse_square_irradiance_as_a_delta() {
     })]);
     assert_eq!(lights.kinds(), kinds::POINT);
     irradiance::<{ kinds::POINT }>(&lights, [0.0; 3], UP, LANES).check(50.0 / 25.0 * 0.8, "point");
-    let s = sample::<{ kinds::POINT }>(&lights, &receiver(Vec3s::zero(), splat(UP)), [F32s::splat(0.0); 3]);
+    let s = sample::<{ kinds::POINT }>(
+        &lights,
+        &receiver(Vec3s::zero(), splat(UP)),
+        [F32s::splat(0.0); 3],
+    );
     assert_eq!(
         (s.delta, s.primitive.to_array()[0]),
         (Mask::ALL, PrimitiveId::NONE)
@@ -314,7 +328,14 @@ fn check_directions<const KINDS: u32>(
         let distances = d.to_lanes().map(|d| hit(d).map_or(-1.0, |t| t as f32));
         let distance = F32s::from(distances);
         let at = point.add_scaled(d, distance);
-        let pdf = pdf::<KINDS>(&lights, U32s::splat(0), &receiver(point, n), at, d, distance);
+        let pdf = pdf::<KINDS>(
+            &lights,
+            U32s::splat(0),
+            &receiver(point, n),
+            at,
+            d,
+            distance,
+        );
         distance.gt(F32s::splat(0.0)).select(pdf, F32s::splat(0.0))
     };
     let integral = counts.check(&density, what);

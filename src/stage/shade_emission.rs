@@ -32,8 +32,7 @@ pub(super) fn shade_emission<const F: u32>(scene: &CompiledScene, wave: &mut Wav
                 n: normal,
                 primitive: gather_u32(&rays.skip, ray),
             };
-            let light_pdf =
-                light::pdf::<F>(&scene.lights, light, &receiver, point.p, direction, t);
+            let light_pdf = light::pdf::<F>(&scene.lights, light, &receiver, point.p, direction, t);
             let shared = mis::power_heuristic(gather(&rays.pdf, ray), light_pdf);
             weight = is_specular(ray_state).select(weight, shared);
         }
