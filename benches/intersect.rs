@@ -1,9 +1,5 @@
 //! Closest hits of incoherent rays: every structure, and the plain loop over all triangles, in a small
 //! room and over a mesh. Throughput is in rays.
-#![expect(
-    missing_docs,
-    reason = "criterion's macros make items without documentation"
-)]
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use wavepath::accel::{Accel, AccelCounters, HitBatch, RayBatch, Structure, build};

@@ -2,7 +2,7 @@
 
 use super::leaf::{Closest, LEAF_SIZE, Leaves, TreeRay};
 use super::stack::{Entry, with_stack};
-use super::tree::BinaryTree;
+use super::tree::{BinaryTree, Pending};
 use super::{Accel, AccelCounters, HitBatch, RayBatch, ShadowBatch};
 use crate::geometry::Geometry;
 use crate::geometry::slab::Bounds;
@@ -38,9 +38,18 @@ impl Bvh2 {
         let Some(root) = tree.nodes.first() else {
             return bvh;
         };
-        // Tree nodes that still need a place: what, the node and side where it hangs, its depth.
-        let mut work: Vec<(u32, Option<(usize, usize)>, usize)> = vec![(0, None, 1)];
-        while let Some((source, parent, depth)) = work.pop() {
+        // Tree nodes that still need a place.
+        let mut work = vec![Pending {
+            source: 0,
+            parent: None,
+            depth: 1,
+        }];
+        while let Some(Pending {
+            source,
+            parent,
+            depth,
+        }) = work.pop()
+        {
             let node = &tree.nodes[source as usize];
             let entry = match node.children {
                 Some(children) if node.count > LEAF_SIZE => {
@@ -50,7 +59,11 @@ impl Bvh2 {
                         children: [Entry::default(); 2],
                     });
                     for side in [1, 0] {
-                        work.push((children[side], Some((at, side)), depth + 1));
+                        work.push(Pending {
+                            source: children[side],
+                            parent: Some((at, side)),
+                            depth: depth + 1,
+                        });
                     }
                     Entry::node(at as u32)
                 }

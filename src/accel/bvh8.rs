@@ -3,7 +3,7 @@
 
 use super::leaf::{Closest, LEAF_SIZE, Leaves, TreeRay};
 use super::stack::{Entry, with_stack};
-use super::tree::BinaryTree;
+use super::tree::{BinaryTree, Pending};
 use super::{Accel, AccelCounters, HitBatch, RayBatch, ShadowBatch};
 use crate::geometry::Geometry;
 use crate::geometry::slab::{Bounds, Bounds8};
@@ -41,9 +41,18 @@ impl Bvh8 {
         if tree.nodes.is_empty() {
             return bvh;
         }
-        // Tree nodes that still need a place: what, the node and slot where it hangs, its depth.
-        let mut work: Vec<(u32, Option<(usize, usize)>, usize)> = vec![(0, None, 1)];
-        while let Some((source, parent, depth)) = work.pop() {
+        // Tree nodes that still need a place.
+        let mut work = vec![Pending {
+            source: 0,
+            parent: None,
+            depth: 1,
+        }];
+        while let Some(Pending {
+            source,
+            parent,
+            depth,
+        }) = work.pop()
+        {
             let entry = if is_leaf(&tree, source) {
                 Entry::leaf(bvh.leaves.push(geometry, &tree, source))
             } else {
@@ -58,7 +67,11 @@ impl Bvh8 {
                     children: [Entry::default(); WIDTH],
                 });
                 for (slot, &child) in children.iter().enumerate().rev() {
-                    work.push((child, Some((at, slot)), depth + 1));
+                    work.push(Pending {
+                        source: child,
+                        parent: Some((at, slot)),
+                        depth: depth + 1,
+                    });
                 }
                 // Each level leaves at most all but one of its children behind.
                 bvh.stack_bound = bvh.stack_bound.max(depth * (WIDTH - 1) + 1);

@@ -13,10 +13,11 @@
 //! (where that quotient is not bounded by the polygon's extent, and the image of a merged polygon need not
 //! be convex), and a start far outside of the scene.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-use super::polygon::{MAX_CORNERS, Polygons, polygons};
+use super::polygon::{MAX_CORNERS, Polygon, Polygons, polygons};
+use super::shell::{HullPolygon, closed, ids, on_hull};
 use super::{Accel, AccelCounters, HitBatch, RayBatch, ShadowBatch};
 use crate::geometry::hit::RayFrame;
 use crate::geometry::sphere::sphere_distance;
@@ -28,12 +29,24 @@ use crate::math::lanes::{
 };
 use crate::math::vec3::Vec3s;
 
-/// Rays whose cosine with a polygon's normal is below this are grazing. A nearly hit-free value: one ray
-/// in 10⁶ that starts elsewhere than in the polygon's plane is both grazing and near the plane.
+/// Rays whose cosine with a face's normal is below this are grazing, and doubtful if they also start
+/// within this share of the scene's extent from the plane. Above it the quotient of plane distances is
+/// right to a thousandth of the distance. Of rays that start away from the plane one in 10⁶ is doubtful,
+/// of rays within the plane (from a coplanar neighbour) one in 10³.
 const GRAZING: f32 = 1.0 / 1024.0;
 
 /// Rays that start farther than this many scene radii from the scene's centre are traced one at a time.
-pub(super) const REACH: f32 = 64.0;
+pub(super) const REACH: f32 = 32.0;
+
+/// A wall of the closed convex shell.
+#[derive(Debug, Clone)]
+struct Wall {
+    /// Unit normal out of the shell.
+    outward: [f32; 3],
+    /// One of its corners.
+    anchor: [f32; 3],
+    id: u32,
+}
 
 /// A polygon as the scan reads it.
 #[derive(Debug, Clone)]
@@ -49,20 +62,37 @@ struct Face {
     uses: [[u16; 4]; MAX_CORNERS / 4],
 }
 
-/// Every ray against every primitive.
+/// Faces with the vertices and edges that they share.
 #[derive(Debug)]
-pub struct LinearScan {
+struct FaceSet {
     vertices: Vec<[f32; 3]>,
-    /// Pairs of vertex indices.
+    /// Pairs of vertex indices; none if there are more than fit a [`Scratch`].
     edges: Vec<[u16; 2]>,
     faces: Vec<Face>,
     /// Vertex indices of all faces, in order.
     corners: Vec<u32>,
+}
+
+/// Every ray against every primitive.
+#[derive(Debug)]
+pub struct LinearScan {
+    /// Every polygon.
+    all: FaceSet,
+    /// The closed convex shell, if there is one.
+    walls: Vec<Wall>,
+    /// The polygons beside the shell.
+    inner: FaceSet,
+    /// The polygons that a shadow ray can cross.
+    crossed: FaceSet,
     /// Per triangle, the id under which its polygon is reported.
     owner: Vec<u32>,
+    /// Per triangle, whether a shadow ray can cross it.
+    crossable: Vec<bool>,
     triangles: Vec<Triangle>,
     spheres: Vec<Sphere>,
+    /// Middle of the box around all vertices.
     center: [f32; 3],
+    /// Sum of the half extents of that box: no vertex is farther from the centre.
     radius: f32,
 }
 
@@ -86,6 +116,18 @@ struct Nearest {
     id: U32s,
 }
 
+impl Nearest {
+    /// No hit.
+    #[inline(always)]
+    fn none() -> Self {
+        Self {
+            numerator: F32s::splat(1.0),
+            denominator: F32s::splat(0.0),
+            id: U32s::splat(PrimitiveId::NONE),
+        }
+    }
+}
+
 /// One group of rays.
 #[derive(Clone, Copy)]
 struct Rays {
@@ -103,9 +145,9 @@ struct Rays {
 /// Where the edge signs of a face come from.
 trait Inside {
     /// Prepares a group of rays.
-    fn project(&mut self, scan: &LinearScan, rays: &Rays);
+    fn project(&mut self, set: &FaceSet, rays: &Rays);
     /// Lanes whose line meets the face, and lanes among them with an edge value of zero.
-    fn inside(&self, scan: &LinearScan, face: &Face, rays: &Rays) -> (Mask, Mask);
+    fn inside(&self, set: &FaceSet, face: &Face, rays: &Rays) -> (Mask, Mask);
 }
 
 impl<const VERTICES: usize, const USES: usize> Scratch<VERTICES, USES> {
@@ -121,12 +163,12 @@ impl<const VERTICES: usize, const USES: usize> Scratch<VERTICES, USES> {
 
 impl<const VERTICES: usize, const USES: usize> Inside for Scratch<VERTICES, USES> {
     #[inline(always)]
-    fn project(&mut self, scan: &LinearScan, rays: &Rays) {
+    fn project(&mut self, set: &FaceSet, rays: &Rays) {
         let frame = RayFrame::new(rays.direction);
-        for ((x, y), &vertex) in self.x.iter_mut().zip(&mut self.y).zip(&scan.vertices) {
+        for ((x, y), &vertex) in self.x.iter_mut().zip(&mut self.y).zip(&set.vertices) {
             (*x, *y) = frame.project(Vec3s::splat(vertex) - rays.origin);
         }
-        for (signs, edge) in self.not_negative.chunks_exact_mut(2).zip(&scan.edges) {
+        for (signs, edge) in self.not_negative.chunks_exact_mut(2).zip(&set.edges) {
             // The sizes are powers of two, which spares a check.
             let [a, b] = edge.map(|vertex| usize::from(vertex) % VERTICES);
             let forward = self.x[a] * self.y[b];
@@ -137,7 +179,7 @@ impl<const VERTICES: usize, const USES: usize> Inside for Scratch<VERTICES, USES
     }
 
     #[inline(always)]
-    fn inside(&self, _scan: &LinearScan, face: &Face, _rays: &Rays) -> (Mask, Mask) {
+    fn inside(&self, _set: &FaceSet, face: &Face, _rays: &Rays) -> (Mask, Mask) {
         let (mut left, mut right, mut zero) = (Mask::ALL, Mask::ALL, Mask::NONE);
         let mut meet = |uses: &[u16; 4]| {
             for &edge in uses {
@@ -162,18 +204,18 @@ struct Unshared(Option<RayFrame>);
 
 impl Inside for Unshared {
     #[inline(always)]
-    fn project(&mut self, _scan: &LinearScan, rays: &Rays) {
+    fn project(&mut self, _set: &FaceSet, rays: &Rays) {
         self.0 = Some(RayFrame::new(rays.direction));
     }
 
     #[inline(always)]
-    fn inside(&self, scan: &LinearScan, face: &Face, rays: &Rays) -> (Mask, Mask) {
+    fn inside(&self, set: &FaceSet, face: &Face, rays: &Rays) -> (Mask, Mask) {
         let Some(frame) = self.0 else {
             return (Mask::NONE, Mask::NONE);
         };
-        let corners = &scan.corners[face.corners.clone()];
+        let corners = &set.corners[face.corners.clone()];
         let image =
-            |corner: u32| frame.project(Vec3s::splat(scan.vertices[corner as usize]) - rays.origin);
+            |corner: u32| frame.project(Vec3s::splat(set.vertices[corner as usize]) - rays.origin);
         let (mut left, mut right, mut zero) = (Mask::ALL, Mask::ALL, Mask::NONE);
         let first = image(corners[0]);
         let mut from = first;
@@ -195,22 +237,29 @@ impl Inside for Unshared {
     }
 }
 
-impl LinearScan {
-    /// Prepares the primitives.
-    pub fn new(geometry: &Geometry) -> Self {
-        let Polygons {
-            vertices,
-            polygons,
-            owner,
-        } = polygons(geometry);
+impl FaceSet {
+    /// The faces of `polygons`, whose corners are indices into `positions`.
+    fn new<'a>(positions: &[[f32; 3]], polygons: impl Iterator<Item = &'a Polygon>) -> Self {
+        let mut vertices: Vec<[f32; 3]> = Vec::new();
+        let mut vertex_index = HashMap::new();
         let mut edges: Vec<[u32; 2]> = Vec::new();
         let mut edge_index = HashMap::new();
         let (mut faces, mut corners) = (Vec::new(), Vec::new());
-        for polygon in &polygons {
-            let n = polygon.corners.len();
+        for polygon in polygons {
+            let polygon_corners: Vec<u32> = polygon
+                .corners
+                .iter()
+                .map(|&corner| {
+                    *vertex_index.entry(corner).or_insert_with(|| {
+                        vertices.push(positions[corner as usize]);
+                        vertices.len() as u32 - 1
+                    })
+                })
+                .collect();
+            let n = polygon_corners.len();
             let uses: Vec<usize> = (0..n)
                 .map(|i| {
-                    let (a, b) = (polygon.corners[i], polygon.corners[(i + 1) % n]);
+                    let (a, b) = (polygon_corners[i], polygon_corners[(i + 1) % n]);
                     let key = [a.min(b), a.max(b)];
                     let edge = *edge_index.entry(key).or_insert_with(|| {
                         edges.push(key);
@@ -223,16 +272,47 @@ impl LinearScan {
             let at = |i: usize| *uses.get(i).unwrap_or(&uses[0]) as u16;
             faces.push(Face {
                 normal: polygon.normal,
-                anchor: vertices[polygon.corners[0] as usize],
+                anchor: positions[polygon.corners[0] as usize],
                 id: polygon.id,
                 corners: corners.len()..corners.len() + n,
                 uses: [0, 4].map(|from| [0, 1, 2, 3].map(|i| at(from + i))),
             });
-            corners.extend_from_slice(&polygon.corners);
+            corners.extend_from_slice(&polygon_corners);
         }
         if vertices.len() > LARGE.0 || 2 * edges.len() > LARGE.1 {
             edges.clear();
         }
+        Self {
+            vertices,
+            edges: edges
+                .iter()
+                .map(|edge| edge.map(|vertex| vertex as u16))
+                .collect(),
+            faces,
+            corners,
+        }
+    }
+
+    fn fits(&self, size: (usize, usize)) -> bool {
+        self.vertices.len() <= size.0 && 2 * self.edges.len() <= size.1
+    }
+
+    fn bytes(&self) -> usize {
+        std::mem::size_of_val(&*self.vertices)
+            + std::mem::size_of_val(&*self.edges)
+            + std::mem::size_of_val(&*self.faces)
+            + std::mem::size_of_val(&*self.corners)
+    }
+}
+
+impl LinearScan {
+    /// Prepares the primitives.
+    pub fn new(geometry: &Geometry) -> Self {
+        let Polygons {
+            vertices,
+            polygons,
+            owner,
+        } = polygons(geometry);
         let (low, high) = vertices.iter().fold(
             ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]),
             |(low, high), p| {
@@ -246,19 +326,32 @@ impl LinearScan {
             ([0.0; 3], 0.0)
         } else {
             let half = [0, 1, 2].map(|k| 0.5 * high[k] - 0.5 * low[k]);
-            (
-                [0, 1, 2].map(|k| low[k] + half[k]),
-                half.iter().map(|h| h * h).sum::<f32>().sqrt(),
-            )
+            ([0, 1, 2].map(|k| low[k] + half[k]), half.iter().sum())
+        };
+        let walls = closed(&on_hull(&polygons, &vertices, geometry, &[]), &polygons);
+        let wall_ids = ids(&walls, &polygons);
+        // A segment between two points on one side of a plane does not cross the plane.
+        let outer = geometry.segment_ends.as_ref().map_or_else(HashSet::new, |ends| {
+            ids(&on_hull(&polygons, &vertices, geometry, ends), &polygons)
+        });
+        let beside = |left_out: &HashSet<u32>| {
+            let kept = polygons.iter().filter(|polygon| !left_out.contains(&polygon.id));
+            FaceSet::new(&vertices, kept)
+        };
+        let wall = |wall: &HullPolygon| {
+            let Polygon { corners, normal, id } = &polygons[wall.index];
+            Wall {
+                outward: if wall.inward { normal.map(|x| -x) } else { *normal },
+                anchor: vertices[corners[0] as usize],
+                id: *id,
+            }
         };
         Self {
-            vertices,
-            edges: edges
-                .iter()
-                .map(|edge| edge.map(|vertex| vertex as u16))
-                .collect(),
-            faces,
-            corners,
+            all: beside(&HashSet::new()),
+            walls: walls.iter().map(wall).collect(),
+            inner: beside(&wall_ids),
+            crossed: beside(&outer),
+            crossable: owner.iter().map(|owner| !outer.contains(owner)).collect(),
             owner,
             triangles: geometry.triangles.clone(),
             spheres: geometry.spheres.clone(),
@@ -330,13 +423,12 @@ impl LinearScan {
     ) {
         for at in (0..rays.len).step_by(LANES) {
             let group = self.load(rays, at);
-            let mut nearest = Nearest {
-                numerator: F32s::splat(1.0),
-                denominator: F32s::splat(0.0),
-                id: U32s::splat(PrimitiveId::NONE),
+            let (mut nearest, set) = match self.nearest_wall(&group) {
+                Some(wall) => (wall, &self.inner),
+                None => (Nearest::none(), &self.all),
             };
-            if !self.faces.is_empty() {
-                nearest = self.nearest_face(scratch, &group, nearest);
+            if !set.faces.is_empty() {
+                nearest = self.nearest_face(scratch, set, &group, nearest);
             }
             nearest = self.nearest_sphere(&group, nearest);
             store(hits.t, at, nearest.numerator / nearest.denominator);
@@ -344,17 +436,48 @@ impl LinearScan {
         }
     }
 
+    /// The wall through which each ray leaves the shell; `None` if there is no shell, or if not all of the
+    /// rays start inside of it.
+    #[inline(always)]
+    fn nearest_wall(&self, group: &Rays) -> Option<Nearest> {
+        if self.walls.is_empty() {
+            return None;
+        }
+        let zero = F32s::splat(0.0);
+        let mut nearest = Nearest::none();
+        let mut outside = Mask::NONE;
+        for wall in &self.walls {
+            let outward = Vec3s::splat(wall.outward);
+            let numerator = outward.dot(Vec3s::splat(wall.anchor) - group.origin);
+            let denominator = outward.dot(group.direction);
+            let leaving = denominator.gt(zero);
+            // On the plane itself, a ray that runs inward is inside; negated, so that NaN is outside.
+            outside = outside | !(numerator.gt(zero) | (numerator.ge(zero) & !leaving));
+            let other = !Compare::eq(group.skip, U32s::splat(wall.id));
+            let nearer = leaving
+                & other
+                & (numerator * nearest.denominator).lt(nearest.numerator * denominator);
+            nearest = Nearest {
+                numerator: nearer.select(numerator, nearest.numerator),
+                denominator: nearer.select(denominator, nearest.denominator),
+                id: nearer.select_u32(U32s::splat(wall.id), nearest.id),
+            };
+        }
+        (outside & group.active).none().then_some(nearest)
+    }
+
     #[inline(always)]
     fn nearest_face<T: Inside>(
         &self,
         scratch: &mut T,
+        set: &FaceSet,
         group: &Rays,
         mut nearest: Nearest,
     ) -> Nearest {
-        scratch.project(self, group);
+        scratch.project(set, group);
         let mut uncertain = group.distant;
-        for face in &self.faces {
-            let (inside, zero) = scratch.inside(self, face, group);
+        for face in &set.faces {
+            let (inside, zero) = scratch.inside(set, face, group);
             let (numerator, denominator) = Self::plane(face, group);
             let other = !Compare::eq(group.skip, U32s::splat(face.id));
             let candidate = inside & other & numerator.gt(F32s::splat(0.0));
@@ -458,8 +581,8 @@ impl LinearScan {
             let target = self.reported(load_u32(shadow.target, at));
             let mut blocked = !group.active;
             self.spheres_between(&group, t_max, target, &mut blocked);
-            if blocked != Mask::ALL && !self.faces.is_empty() {
-                scratch.project(self, &group);
+            if blocked != Mask::ALL && !self.crossed.faces.is_empty() {
+                scratch.project(&self.crossed, &group);
                 self.faces_between(scratch, &group, t_max, target, &mut blocked);
             }
             store_u32(
@@ -490,8 +613,8 @@ impl LinearScan {
         // The first face that decides a ray or casts doubt on it settles it, so that the answer does not
         // depend on when the other rays of the group allow to stop.
         let mut uncertain = group.distant & !*blocked;
-        for face in &self.faces {
-            let (inside, zero) = scratch.inside(self, face, group);
+        for face in &self.crossed.faces {
+            let (inside, zero) = scratch.inside(&self.crossed, face, group);
             let (numerator, denominator) = Self::plane(face, group);
             let id = U32s::splat(face.id);
             let open =
@@ -513,8 +636,10 @@ impl LinearScan {
                 .triangles
                 .iter()
                 .zip(&self.owner)
-                .any(|(triangle, &owner)| {
-                    owner != skip
+                .zip(&self.crossable)
+                .any(|((triangle, &owner), &crossable)| {
+                    crossable
+                        && owner != skip
                         && owner != target
                         && ray.intersect(triangle).is_some_and(|t| t < t_max)
                 });
@@ -524,12 +649,8 @@ impl LinearScan {
         }
     }
 
-    fn count(&self, rays: usize, counters: &mut AccelCounters) {
-        counters.tests += (rays * (self.faces.len() + self.spheres.len())) as u64;
-    }
-
-    fn fits(&self, size: (usize, usize)) -> bool {
-        self.vertices.len() <= size.0 && 2 * self.edges.len() <= size.1
+    fn count(&self, rays: usize, set: &FaceSet, counters: &mut AccelCounters) {
+        counters.tests += (rays * (set.faces.len() + self.spheres.len())) as u64;
     }
 }
 
@@ -539,24 +660,25 @@ impl Accel for LinearScan {
     }
 
     fn bytes(&self) -> usize {
-        std::mem::size_of_val(&*self.vertices)
-            + std::mem::size_of_val(&*self.edges)
-            + std::mem::size_of_val(&*self.faces)
-            + std::mem::size_of_val(&*self.corners)
+        self.all.bytes()
+            + self.inner.bytes()
+            + self.crossed.bytes()
+            + std::mem::size_of_val(&*self.walls)
+            + std::mem::size_of_val(&*self.crossable)
             + std::mem::size_of_val(&*self.owner)
             + std::mem::size_of_val(&*self.triangles)
             + std::mem::size_of_val(&*self.spheres)
     }
 
     fn closest(&self, rays: RayBatch<'_>, mut hits: HitBatch<'_>, counters: &mut AccelCounters) {
-        self.count(rays.len, counters);
-        if self.fits(SMALL) {
+        self.count(rays.len, &self.all, counters);
+        if self.all.fits(SMALL) {
             self.closest_with(
                 &mut Scratch::<{ SMALL.0 }, { SMALL.1 }>::new(),
                 &rays,
                 &mut hits,
             );
-        } else if self.fits(LARGE) {
+        } else if self.all.fits(LARGE) {
             self.closest_with(
                 &mut Scratch::<{ LARGE.0 }, { LARGE.1 }>::new(),
                 &rays,
@@ -568,14 +690,14 @@ impl Accel for LinearScan {
     }
 
     fn occluded(&self, rays: ShadowBatch<'_>, occluded: &mut [u32], counters: &mut AccelCounters) {
-        self.count(rays.rays.len, counters);
-        if self.fits(SMALL) {
+        self.count(rays.rays.len, &self.crossed, counters);
+        if self.crossed.fits(SMALL) {
             self.occluded_with(
                 &mut Scratch::<{ SMALL.0 }, { SMALL.1 }>::new(),
                 &rays,
                 occluded,
             );
-        } else if self.fits(LARGE) {
+        } else if self.crossed.fits(LARGE) {
             self.occluded_with(
                 &mut Scratch::<{ LARGE.0 }, { LARGE.1 }>::new(),
                 &rays,

@@ -74,6 +74,15 @@ impl Rays {
     }
 
     fn occluded(&mut self, accel: &dyn Accel, t_max: &[f32], target: &[u32]) -> Vec<bool> {
+        self.occluded_counted(accel, t_max, target).0
+    }
+
+    fn occluded_counted(
+        &mut self,
+        accel: &dyn Accel,
+        t_max: &[f32],
+        target: &[u32],
+    ) -> (Vec<bool>, AccelCounters) {
         let size = padded(self.len);
         let (mut t_max, mut target) = (t_max.to_vec(), target.to_vec());
         t_max.resize(size, f32::NAN);
@@ -91,7 +100,8 @@ impl Rays {
             &mut occluded,
             &mut counters,
         );
-        occluded.into_iter().take(len).map(|o| o != 0).collect()
+        let occluded = occluded.into_iter().take(len).map(|o| o != 0).collect();
+        (occluded, counters)
     }
 }
 
@@ -196,6 +206,7 @@ fn room() -> Geometry {
         triangles: mesh.triangles(),
         spheres,
         groups,
+        segment_ends: None,
     }
 }
 
@@ -229,6 +240,7 @@ fn soup(triangles: usize, spheres: usize, rng: &mut Rng) -> Geometry {
             })
             .collect(),
         groups: Vec::new(),
+        segment_ends: None,
     }
 }
 
@@ -644,6 +656,7 @@ fn scenes_of_almost_nothing_are_answered() {
         triangles: triangles.to_vec(),
         spheres: spheres.to_vec(),
         groups: Vec::new(),
+        segment_ends: None,
     };
     let miss = (f32::INFINITY, PrimitiveId::NONE);
     for structure in ALL {
@@ -848,6 +861,125 @@ fn rays_that_leave_a_convex_mesh_of_coplanar_faces_hit_nothing() {
     }
 }
 
+/// From 100 away a needle is seen under angles down to 10⁻⁵ degrees. The quotient of plane distances is
+/// unbounded there, barycentric interpolation is not.
+#[test]
+fn hits_on_needles_at_grazing_angles_lie_on_the_needle() {
+    let mut rng = Rng(23);
+    for structure in ALL {
+        let mut hits = 0;
+        for (aspect, angle) in [
+            (1.0f32, 0.01f32),
+            (1.0, 1e-5),
+            (1e3, 0.5),
+            (1e5, 0.5),
+            (1e5, 0.01),
+            (1.0, 1e-6),
+        ] {
+            for _ in 0..300 {
+                let turn = rng.rotation();
+                let place =
+                    |p: [f32; 3]| turn.map(|row| row[0] * p[0] + row[1] * p[1] + row[2] * p[2]);
+                let corners = [
+                    place([0.0; 3]),
+                    place([10.0, 0.0, 0.0]),
+                    place([5.0, 10.0 / aspect, 0.0]),
+                ];
+                let accel = built(
+                    structure,
+                    &Geometry {
+                        triangles: vec![Triangle { corners }],
+                        ..Geometry::default()
+                    },
+                );
+                let mut rays = Rays::default();
+                for _ in 0..16 {
+                    let (b, c) = rng.barycentrics();
+                    let target = [0, 1, 2].map(|k| corners[1][k] * b + corners[2][k] * c);
+                    let (sin, cos) = angle.to_radians().sin_cos();
+                    let azimuth = rng.uniform() * std::f32::consts::TAU;
+                    let d = place([azimuth.cos() * cos, azimuth.sin() * cos, sin]);
+                    rays.push(
+                        [0, 1, 2].map(|k| target[k] - 100.0 * d[k]),
+                        d,
+                        PrimitiveId::NONE,
+                    );
+                }
+                for (t, id) in rays.closest(&*accel) {
+                    if id != PrimitiveId::NONE {
+                        hits += 1;
+                        assert!(
+                            (t - 100.0).abs() < 11.0,
+                            "{structure:?}: {t} at {angle} degrees, aspect {aspect}"
+                        );
+                    }
+                }
+            }
+        }
+        assert!(hits > 5_000, "{structure:?}: {hits}");
+    }
+}
+
+/// Products of coordinates of 10⁻²³ are below the smallest denormal, so that every edge function is zero.
+#[test]
+fn triangles_whose_edge_functions_underflow_are_hit_and_missed_rightly() {
+    let mut rng = Rng(24);
+    let size = 1e-23;
+    for structure in ALL {
+        let corners = [[0.0, 0.0, 0.0], [size, 0.0, 0.0], [0.0, size, 0.3 * size]];
+        let accel = built(
+            structure,
+            &Geometry {
+                triangles: vec![Triangle { corners }],
+                ..Geometry::default()
+            },
+        );
+        let mut rays = Rays::default();
+        let mut expected = Vec::new();
+        while expected.len() < 1_000 {
+            let (b, c) = (2.0 * rng.uniform() - 0.5, 2.0 * rng.uniform() - 0.5);
+            if b.min(c).min(1.0 - b - c).abs() < 1e-3 {
+                continue;
+            }
+            let target = [b, c, 0.3 * c].map(|x| x * size);
+            let origin = [rng.uniform() * size, rng.uniform() * size, 10.0 * size];
+            let direction = towards(
+                [0.0; 3],
+                [0, 1, 2].map(|k| f64::from(target[k]) - f64::from(origin[k])),
+            );
+            rays.push(origin, direction, PrimitiveId::NONE);
+            expected.push(b > 0.0 && c > 0.0 && b + c < 1.0);
+        }
+        let hits = rays.closest(&*accel);
+        for (hit, expected) in hits.iter().zip(expected) {
+            assert_eq!(hit.1 == 0, expected, "{structure:?}");
+        }
+    }
+}
+
+/// Beyond the reach of the lanes the linear scan takes triangles one at a time, as the trees do.
+#[test]
+fn from_far_away_the_linear_scan_gives_the_same_bits_as_a_tree() {
+    let mut rng = Rng(46);
+    let geometry = Geometry {
+        spheres: Vec::new(),
+        ..room()
+    };
+    let mut rays = Rays::default();
+    for _ in 0..10_000 {
+        let target = point_in_room(&mut rng);
+        let origin = rng.sphere().map(|x| 5_000.0 * x);
+        rays.push(
+            origin,
+            towards(origin, target.map(f64::from)),
+            PrimitiveId::NONE,
+        );
+    }
+    let linear = rays.closest(&*built(Structure::Linear, &geometry));
+    assert!(linear == rays.closest(&*built(Structure::Bvh2, &geometry)));
+    assert!(linear.iter().all(|hit| hit.1 != PrimitiveId::NONE));
+}
+
 #[test]
 fn a_light_of_two_triangles_in_one_group_is_one_thing_to_skip_and_to_aim_at() {
     let room = room();
@@ -905,4 +1037,46 @@ fn small_scenes_are_scanned_and_large_ones_get_a_tree() {
     assert_eq!(auto(&room()), Structure::Linear);
     assert_eq!(auto(&soup(LINEAR_MOST, 0, &mut rng)), Structure::Linear);
     assert_eq!(auto(&soup(LINEAR_MOST, 1, &mut rng)), Structure::Bvh8);
+}
+
+/// Whether the segment between two points of the room is occluded, with `ends` as the geometry's, and
+/// primitives tested.
+fn segments_in_room(
+    ends: Option<Vec<[f32; 3]>>,
+    segments: &[([f32; 3], [f32; 3])],
+) -> (Vec<bool>, u64) {
+    let accel = LinearScan::new(&Geometry { segment_ends: ends, ..room() });
+    let (mut rays, mut t_max) = (Rays::default(), Vec::new());
+    for &(from, to) in segments {
+        let end = to.map(f64::from);
+        rays.push(from, towards(from, end), PrimitiveId::NONE);
+        let offset = DVec3::from_array(end) - DVec3::from_array(from.map(f64::from));
+        t_max.push(offset.length() as f32);
+    }
+    let none = vec![PrimitiveId::NONE; segments.len()];
+    let (occluded, counters) = rays.occluded_counted(&accel, &t_max, &none);
+    (occluded, counters.tests)
+}
+
+#[test]
+fn between_points_of_a_room_its_walls_are_left_out_and_nothing_changes() {
+    let mut rng = Rng(31);
+    let segments: Vec<_> =
+        (0..50_000).map(|_| (point_in_room(&mut rng), point_in_room(&mut rng))).collect();
+    let (full, full_tests) = segments_in_room(None, &segments);
+    let (lean, lean_tests) = segments_in_room(Some(Vec::new()), &segments);
+    assert_eq!(full, lean);
+    assert!(full.iter().any(|&o| o) && !full.iter().all(|&o| o));
+    // Floor, ceiling, six walls and the tetrahedron's base on the floor are outside; the light, the rest
+    // of the tetrahedron and the spheres stay.
+    assert_eq!(full_tests - lean_tests, 9 * segments.len() as u64);
+}
+
+#[test]
+fn a_wall_between_the_room_and_a_light_outside_occludes() {
+    let light = [40.0, 0.0, 0.0];
+    let mut rng = Rng(32);
+    let segments: Vec<_> = (0..1000).map(|_| (point_in_room(&mut rng), light)).collect();
+    let (occluded, _) = segments_in_room(Some(vec![light]), &segments);
+    assert!(occluded.iter().all(|&o| o));
 }

@@ -32,6 +32,17 @@ pub(super) struct BinaryTree {
     pub(super) order: Vec<u32>,
 }
 
+/// A node of the binary tree that waits for its place in a hierarchy made from it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pending {
+    /// The binary node.
+    pub(super) source: u32,
+    /// Node and slot where it hangs; `None` for the root.
+    pub(super) parent: Option<(usize, usize)>,
+    /// Levels down to it, 1 for the root.
+    pub(super) depth: usize,
+}
+
 /// Share of nodes that each reinsertion pass looks at.
 const REINSERTION_SHARE: f32 = 0.15;
 

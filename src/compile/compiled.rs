@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::geometry::{Geometry, Sphere, Triangle};
 use crate::light::{BackgroundLight, FlatLight, Light, LightTable, PointLight, SphereLight, kinds};
 use crate::material::{FresnelFormula, MaterialKind, MaterialSpec, MaterialTable};
+use crate::math::Table;
 use crate::math::float::gamma;
 use crate::scene::{
     AccelKind, BsdfDescription, EmissionDescription, Fresnel, IntegratorKind, MaterialId, RenderSettings, SamplerKind,
@@ -32,19 +33,19 @@ pub struct SurfaceTable {
     /// Number of triangles.
     pub first_sphere: u32,
     /// Corners of the triangles: corner, axis.
-    pub corners: [[Vec<f32>; 3]; 3],
+    pub corners: [[Table<f32>; 3]; 3],
     /// Unit normals of the triangles, along (b − a) × (c − a).
-    pub normal: [Vec<f32>; 3],
+    pub normal: [Table<f32>; 3],
     /// Centres of the spheres.
-    pub center: [Vec<f32>; 3],
+    pub center: [Table<f32>; 3],
     /// Radii of the spheres.
-    pub radius: Vec<f32>,
+    pub radius: Table<f32>,
     /// Material per primitive.
-    pub material: Vec<u32>,
+    pub material: Table<u32>,
     /// Light per primitive; 0 where it does not emit.
-    pub light: Vec<u32>,
+    pub light: Table<u32>,
     /// [`PrimitiveClass`] per primitive.
-    pub class: Vec<u32>,
+    pub class: Table<u32>,
 }
 
 /// A scene ready to trace.
@@ -138,7 +139,14 @@ pub fn compile(
         tables.lights.push(Light::Background(BackgroundLight { radiance: background, scene_radius }));
     }
     let lights = LightTable::new(&tables.lights)?;
+    tables.surfaces.light = tables.light.iter().copied().collect();
+    tables.surfaces.class = tables.class.iter().copied().collect();
     let features = features(&tables, &lights, settings);
+    // Shadow rays to the background leave the scene; all others end on a primitive or a point light.
+    tables.geometry.segment_ends = (scene.background.max_element() <= 0.0).then(|| {
+        let points = scene.point_lights.iter();
+        points.map(|light| tables.point(light.position)).collect()
+    });
     let structure = match settings.accel {
         AccelKind::Auto => accel::auto(&tables.geometry),
         AccelKind::Linear => Structure::Linear,
@@ -230,6 +238,10 @@ struct Tables<'a> {
     surfaces: SurfaceTable,
     materials: MaterialTable,
     lights: Vec<Light>,
+    /// Light per primitive.
+    light: Vec<u32>,
+    /// [`PrimitiveClass`] per primitive.
+    class: Vec<u32>,
     /// Kinds of the materials that some primitive has.
     used: [bool; MaterialKind::COUNT],
     dropped: usize,
@@ -248,6 +260,8 @@ impl<'a> Tables<'a> {
             surfaces: SurfaceTable::default(),
             materials,
             lights: Vec::new(),
+            light: Vec::new(),
+            class: Vec::new(),
             used: [false; MaterialKind::COUNT],
             dropped: 0,
         }
@@ -337,8 +351,8 @@ impl<'a> Tables<'a> {
         let kind = self.materials.kinds()[material.0 as usize];
         self.used[kind as usize] = true;
         self.surfaces.material.push(material.0);
-        self.surfaces.light.push(0);
-        self.surfaces.class.push(kind as u32);
+        self.light.push(0);
+        self.class.push(kind as u32);
     }
 
     /// The emission of a material, if it has any power.
@@ -368,7 +382,7 @@ impl<'a> Tables<'a> {
         });
         self.add_light(primitives[0], light);
         if primitives[1] != primitives[0] {
-            let index = self.surfaces.light[primitives[0] as usize];
+            let index = self.light[primitives[0] as usize];
             self.mark_emitter(primitives[1], index);
         }
     }
@@ -379,8 +393,8 @@ impl<'a> Tables<'a> {
     }
 
     fn mark_emitter(&mut self, primitive: u32, light: u32) {
-        self.surfaces.light[primitive as usize] = light;
-        self.surfaces.class[primitive as usize] |= PrimitiveClass::EMITS;
+        self.light[primitive as usize] = light;
+        self.class[primitive as usize] |= PrimitiveClass::EMITS;
     }
 }
 
@@ -388,7 +402,7 @@ fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|axis| a[axis] - b[axis])
 }
 
-fn extend(columns: &mut [Vec<f32>; 3], values: [f32; 3]) {
+fn extend(columns: &mut [Table<f32>; 3], values: [f32; 3]) {
     for (column, value) in columns.iter_mut().zip(values) {
         column.push(value);
     }

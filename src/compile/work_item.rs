@@ -4,7 +4,7 @@ use crate::math::F32s;
 use crate::math::lanes::{U32s, to_f32, to_u32};
 
 /// Side of a tile in pixels.
-pub const TILE: u32 = 16;
+pub const TILE: u32 = 32;
 
 /// One tile times one block of samples. Its result depends on nothing but (scene, settings, seed,
 /// tile, block).

@@ -44,6 +44,10 @@ pub struct Geometry {
     /// Per triangle: coplanar neighbours of equal value may be traced as one polygon, whose hits are
     /// reported under one of its triangles. Empty: none may. Values are otherwise without meaning.
     pub groups: Vec<u32>,
+    /// If given, every shadow ray joins two points on primitives, or a primitive and one of these points;
+    /// then what lies on the convex hull of them all can occlude nothing. `None`: shadow rays may end
+    /// anywhere.
+    pub segment_ends: Option<Vec<[f32; 3]>>,
 }
 
 impl Geometry {

@@ -124,7 +124,7 @@ impl SlabRay {
             t0 = keep_max(near, t0);
             t1 = keep_min(far, t1);
         }
-        (t0.simd_le(t1).to_bitmask() as u32, t0)
+        (t0.simd_le(t1).to_bitmask(), t0)
     }
 }
 

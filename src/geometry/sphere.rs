@@ -74,7 +74,7 @@ impl SpherePack {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::Rng;
+    use crate::geometry::testing::{Rng, column};
 
     /// f64 answer for the f32 inputs: nearest root > 0, and the squared half chord over r².
     fn oracle(
@@ -103,24 +103,9 @@ mod tests {
     }
 
     fn lanes(rays: &[([f32; 3], [f32; 3]); LANES]) -> (Vec3s, Vec3s) {
-        let column = |pick: &dyn Fn(&([f32; 3], [f32; 3])) -> f32| {
-            let mut lanes = [0.0; LANES];
-            for (lane, ray) in lanes.iter_mut().zip(rays) {
-                *lane = pick(ray);
-            }
-            F32s::from(lanes)
-        };
         (
-            Vec3s::new(
-                column(&|r| r.0[0]),
-                column(&|r| r.0[1]),
-                column(&|r| r.0[2]),
-            ),
-            Vec3s::new(
-                column(&|r| r.1[0]),
-                column(&|r| r.1[1]),
-                column(&|r| r.1[2]),
-            ),
+            column(&rays.map(|ray| ray.0)),
+            column(&rays.map(|ray| ray.1)),
         )
     }
 

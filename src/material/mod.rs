@@ -22,8 +22,7 @@ pub use mirror::{Mirror, MirrorParams};
 pub use oren_nayar::{OrenNayar, OrenNayarParams};
 pub use phong::{Phong, PhongParams};
 
-use crate::math::lanes::gather;
-use crate::math::{F32s, Mask, U32s, Vec3s};
+use crate::math::{F32s, Mask, Table, U32s, Vec3s};
 
 /// A scattered direction per lane.
 #[derive(Debug, Clone, Copy)]
@@ -182,9 +181,9 @@ impl MaterialSpec {
 pub struct MaterialTable {
     kinds: Vec<MaterialKind>,
     /// RGB.
-    reflectance: [Vec<f32>; 3],
+    reflectance: [Table<f32>; 3],
     /// Two numbers whose meaning the kind decides; each material's file says which.
-    parameters: [Vec<f32>; 2],
+    parameters: [Table<f32>; 2],
 }
 
 impl MaterialTable {
@@ -245,9 +244,9 @@ impl MaterialTable {
     pub fn reflectance(&self, material: U32s) -> Vec3s {
         let [r, g, b] = &self.reflectance;
         Vec3s::new(
-            gather(r, material),
-            gather(g, material),
-            gather(b, material),
+            r.get(material),
+            g.get(material),
+            b.get(material),
         )
     }
 
@@ -255,8 +254,8 @@ impl MaterialTable {
     #[inline(always)]
     fn parameters(&self, material: U32s) -> [F32s; 2] {
         [
-            gather(&self.parameters[0], material),
-            gather(&self.parameters[1], material),
+            self.parameters[0].get(material),
+            self.parameters[1].get(material),
         ]
     }
 }

@@ -187,56 +187,47 @@ impl Compare for U32s {
 /// If the column ends before.
 #[inline(always)]
 pub fn load(column: &[f32], at: usize) -> F32s {
-    let lanes: [f32; LANES] = column[at..at + LANES]
-        .try_into()
-        .expect("slice has LANES items");
-    F32s::from(lanes)
+    // Read as bytes: a by-value array of lanes is taken apart on the stack in some kernels.
+    bytemuck::pod_read_unaligned(bytemuck::cast_slice(&column[at..at + LANES]))
 }
 
 /// As [`load`], for u32.
 #[inline(always)]
 pub fn load_u32(column: &[u32], at: usize) -> U32s {
-    let lanes: [u32; LANES] = column[at..at + LANES]
-        .try_into()
-        .expect("slice has LANES items");
-    U32s::from(lanes)
+    bytemuck::pod_read_unaligned(bytemuck::cast_slice(&column[at..at + LANES]))
 }
 
 /// Writes `column[at .. at + LANES]`.
 #[inline(always)]
 pub fn store(column: &mut [f32], at: usize, value: F32s) {
-    column[at..at + LANES].copy_from_slice(value.as_array());
+    *chunk(column, at) = bytemuck::cast(value);
 }
 
 /// As [`store`], for u32.
 #[inline(always)]
 pub fn store_u32(column: &mut [u32], at: usize, value: U32s) {
-    column[at..at + LANES].copy_from_slice(value.as_array());
+    *chunk(column, at) = bytemuck::cast(value);
+}
+
+/// `column[at .. at + LANES]` as an array.
+#[inline(always)]
+fn chunk<T>(column: &mut [T], at: usize) -> &mut [T; LANES] {
+    (&mut column[at..at + LANES])
+        .try_into()
+        .expect("slice has LANES items")
 }
 
 /// Writes the lanes of `mask`, in order and without gaps, from `column[at]` on. May overwrite all
 /// of `column[at .. at + LANES]`.
 #[inline(always)]
 pub fn compress(column: &mut [f32], at: usize, mask: Mask, value: F32s) {
-    imp::compress_f32(
-        (&mut column[at..at + LANES])
-            .try_into()
-            .expect("slice has LANES items"),
-        mask,
-        value,
-    );
+    imp::compress_f32(chunk(column, at), mask, value);
 }
 
 /// As [`compress`], for u32.
 #[inline(always)]
 pub fn compress_u32(column: &mut [u32], at: usize, mask: Mask, value: U32s) {
-    imp::compress_u32(
-        (&mut column[at..at + LANES])
-            .try_into()
-            .expect("slice has LANES items"),
-        mask,
-        value,
-    );
+    imp::compress_u32(chunk(column, at), mask, value);
 }
 
 /// `column[index]` per lane; an index past the end reads the last item.
@@ -254,6 +245,22 @@ pub fn gather(column: &[f32], index: U32s) -> F32s {
 pub fn gather_u32(column: &[u32], index: U32s) -> U32s {
     assert!(!column.is_empty());
     imp::gather_u32(column, clamp_index(index, column.len()))
+}
+
+/// As [`gather`], for u64.
+///
+/// # Panics
+/// If the column is empty.
+#[inline(always)]
+pub fn gather_u64(column: &[u64], index: U32s) -> [u64; LANES] {
+    assert!(!column.is_empty());
+    imp::gather_u64(column, clamp_index(index, column.len()))
+}
+
+/// As [`compress`], for u64.
+#[inline(always)]
+pub fn compress_u64(column: &mut [u64], at: usize, mask: Mask, value: [u64; LANES]) {
+    imp::compress_u64(chunk(column, at), mask, value);
 }
 
 #[inline(always)]
@@ -368,6 +375,33 @@ mod imp {
         *out = U32s::from(unsafe { _mm512_maskz_compress_epi32(m.0, v.into()) }).to_array();
     }
     #[inline(always)]
+    pub(super) fn compress_u64(out: &mut [u64; LANES], m: Mask, v: [u64; LANES]) {
+        let [low, high]: [wide::u64x8; 2] = bytemuck::cast(v);
+        let low_mask = m.0 as u8;
+        // SAFETY: as above.
+        let packed = unsafe {
+            [
+                _mm512_maskz_compress_epi64(low_mask, low.into()),
+                _mm512_maskz_compress_epi64((m.0 >> 8) as u8, high.into()),
+            ]
+        };
+        let [low, high] = packed.map(|half| wide::u64x8::from(half).to_array());
+        let at = low_mask.count_ones() as usize;
+        out[..8].copy_from_slice(&low);
+        out[at..at + 8].copy_from_slice(&high);
+    }
+    #[inline(always)]
+    pub(super) fn gather_u64(column: &[u64], index: U32s) -> [u64; LANES] {
+        let halves: [wide::u32x8; 2] = bytemuck::cast(index);
+        let gathered = halves.map(|half| {
+            // SAFETY: the caller clamped every index below `column.len()`, and lengths fit i32.
+            wide::u64x8::from(unsafe {
+                _mm512_i32gather_epi64::<8>(half.into(), column.as_ptr().cast())
+            })
+        });
+        bytemuck::cast(gathered)
+    }
+    #[inline(always)]
     pub(super) fn gather_f32(column: &[f32], index: U32s) -> F32s {
         // SAFETY: the caller clamped every index below `column.len()`, and lengths fit i32.
         unsafe { _mm512_i32gather_ps::<4>(index.into(), column.as_ptr()) }.into()
@@ -457,6 +491,16 @@ mod imp {
         }
     }
     #[inline(always)]
+    pub(super) fn compress_u64(out: &mut [u64; LANES], m: Mask, v: [u64; LANES]) {
+        for (slot, lane) in out.iter_mut().zip(m.lanes()) {
+            *slot = v[lane];
+        }
+    }
+    #[inline(always)]
+    pub(super) fn gather_u64(column: &[u64], index: U32s) -> [u64; LANES] {
+        index.to_array().map(|i| column[i as usize])
+    }
+    #[inline(always)]
     pub(super) fn gather_f32(column: &[f32], index: U32s) -> F32s {
         F32s::from(index.to_array().map(|i| column[i as usize]))
     }
@@ -497,6 +541,15 @@ mod tests {
         let mut out = vec![-1.0; 2 * LANES];
         compress(&mut out, 3, mask, ramp());
         assert_eq!(out[3..7], [1.0, 2.0, 5.0, 7.0]);
+        let wide: [u64; LANES] = std::array::from_fn(|lane| (lane as u64) << 40);
+        let mut out = vec![1; 2 * LANES];
+        for bits in (0..=u16::MAX >> (16 - LANES)).step_by(37) {
+            compress_u64(&mut out, 2, Mask(bits), wide);
+            let expected: Vec<u64> = Mask(bits).lanes().map(|lane| wide[lane]).collect();
+            assert_eq!(out[2..2 + expected.len()], expected);
+        }
+        let got = gather_u64(&wide[..5], iota());
+        assert!((0..LANES).all(|lane| got[lane] == wide[lane.min(4)]));
         let column: Vec<f32> = (0..5).map(|i| i as f32 * 10.0).collect();
         let got = gather(&column, iota()).to_array();
         for (lane, value) in got.into_iter().enumerate() {

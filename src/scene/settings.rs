@@ -129,7 +129,7 @@ impl Default for RenderSettings {
             budget: Budget::Samples(64),
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             seed: 0,
-            wave: 1024,
+            wave: 4096,
             block: 16,
             max_depth: None,
             roulette_depth: 5,

@@ -7,7 +7,7 @@ use crate::compile::{CompiledScene, PrimitiveClass};
 use crate::geometry::spawn_origin;
 use crate::material::{Dielectric, Material, MaterialKind};
 use crate::math::lanes::{
-    F32s, LANES, Mask, U32s, gather_u32, iota, load, load_u32, store, store_u32,
+    F32s, LANES, Mask, U32s, iota, load, load_u32, store, store_u32,
 };
 use crate::math::{Compare, Vec3s};
 use crate::wave::{Wave, add_radiance};
@@ -39,7 +39,7 @@ pub(super) fn connect_transparent<const F: u32>(scene: &CompiledScene, wave: &mu
                 radiance,
             );
 
-            let class = gather_u32(&scene.surfaces.class, primitive);
+            let class = scene.surfaces.class.get(primitive);
             let kind = class & U32s::splat(PrimitiveClass::KIND);
             let crosses = active & blocked & kind.eq(U32s::splat(MaterialKind::Dielectric as u32));
             if crosses.none() {

@@ -9,12 +9,12 @@ use crate::geometry::{SurfacePoint, spawn_origin};
 use crate::light::{self, Receiver};
 use crate::material::{BsdfSample, Material};
 use crate::math::lanes::{
-    F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, load_u32, store, store_u32,
+    F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, gather_u64, load_u32, store, store_u32,
 };
 use crate::math::{Compare, Frame, Vec3s, mis};
 use crate::sampler::{BOUNCE_DIMENSIONS, CAMERA_DIMENSIONS, Dimension, Pcg32s, Strata};
 use crate::scene::Strategy;
-use crate::wave::{COUNTED_DEPTHS, RayQueue, Wave, state};
+use crate::wave::{RayQueue, Wave, count_depths, state};
 
 /// What a chunk of hits has in common with what leaves it.
 struct Hits {
@@ -140,11 +140,7 @@ impl Hits {
             } else {
                 F32s::splat(1.0)
             },
-            random: {
-                // Lanes past the end of the queue hold stale indices, still inside the column.
-                let random: &[u64] = &rays.random;
-                Pcg32s::from_states(ray.to_array().map(|index| random[index as usize]))
-            },
+            random: Pcg32s::from_states(gather_u64(&rays.random, ray)),
         }
     }
 }
@@ -236,10 +232,7 @@ fn sample_light<M: Material, const F: u32>(
         compress(&mut shadows.weight, at, brings, weight);
     }
     shadows.len += brings.count();
-    let depth = (hits.state & U32s::splat(state::DEPTH)).to_array();
-    for lane in brings.lanes() {
-        wave.counters.shadow_rays[(depth[lane] as usize).min(COUNTED_DEPTHS) - 1] += 1;
-    }
+    count_depths(&mut wave.counters.shadow_rays, hits.state, brings);
 }
 
 /// Sends one of both branches on where the path may still split; where not, the first branch is
@@ -321,9 +314,7 @@ fn continue_path<M: Material, const F: u32>(
         store(&mut next.eta, at, hits.eta * sample.eta);
     }
     if scene.on::<F>(Features::BACKGROUND) {
-        store(&mut next.normal_x, at, hits.normal.x);
-        store(&mut next.normal_y, at, hits.normal.y);
-        store(&mut next.normal_z, at, hits.normal.z);
+        store(&mut next.cosine, at, hits.normal.dot(direction));
     }
     next.len += hits.active.count();
 }

@@ -22,7 +22,7 @@ pub(super) fn shade_emission<const F: u32>(scene: &CompiledScene, wave: &mut Wav
         let (origin, direction) = gather_rays(rays, ray);
         let primitive = gather_u32(&wave.hits.primitive, ray);
         let t = gather(&wave.hits.t, ray);
-        let light = gather_u32(&scene.surfaces.light, primitive);
+        let light = scene.surfaces.light.get(primitive);
         let (point, normal) = surface::<F>(scene, primitive, origin, direction, t);
         let mut weight = F32s::splat(1.0);
         if scene.on::<F>(Features::MIS) {

@@ -1,7 +1,7 @@
 //! escaped rays → radiance: the constant background.
 
 use super::emission::{emission_counts, is_specular};
-use super::surface::{gather_throughput, gather3};
+use super::surface::gather_throughput;
 use crate::compile::{CompiledScene, Features};
 use crate::light;
 use crate::math::lanes::{F32s, LANES, Mask, U32s, gather, gather_u32, load_u32};
@@ -18,12 +18,7 @@ pub(super) fn shade_escaped<const F: u32>(scene: &CompiledScene, wave: &mut Wave
         let mut weight = F32s::splat(1.0);
         if scene.on::<F>(Features::MIS) {
             let light = U32s::splat(scene.lights.background().unwrap_or(0));
-            let normal = gather3([&rays.normal_x, &rays.normal_y, &rays.normal_z], ray);
-            let direction = gather3(
-                [&rays.direction_x, &rays.direction_y, &rays.direction_z],
-                ray,
-            );
-            let light_pdf = light::pdf_background::<F>(&scene.lights, light, normal.dot(direction));
+            let light_pdf = light::pdf_background::<F>(&scene.lights, light, gather(&rays.cosine, ray));
             let shared = mis::power_heuristic(gather(&rays.pdf, ray), light_pdf);
             weight = is_specular(ray_state).select(weight, shared);
         }

@@ -3,8 +3,8 @@
 use crate::compile::{CompiledScene, PrimitiveClass};
 use crate::geometry::PrimitiveId;
 use crate::math::Compare;
-use crate::math::lanes::{LANES, Mask, U32s, compress_u32, gather_u32, iota, load_u32};
-use crate::wave::{COUNTED_DEPTHS, IndexQueue, MATERIAL_KINDS, Wave, state};
+use crate::math::lanes::{LANES, Mask, U32s, compress_u32, iota, load_u32};
+use crate::wave::{IndexQueue, MATERIAL_KINDS, Wave, count_depths, state};
 
 /// Puts each hit's index where it belongs. Hits at the depth limit are not shaded.
 pub(super) fn sort(scene: &CompiledScene, wave: &mut Wave) {
@@ -20,16 +20,14 @@ pub(super) fn sort(scene: &CompiledScene, wave: &mut Wave) {
         let active = Mask::first(wave.rays.len - at);
         let index = U32s::splat(at as u32) + iota();
         let depth = load_u32(&wave.rays.state, at) & U32s::splat(state::DEPTH);
-        for &depth in &depth.as_array()[..active.count()] {
-            wave.counters.rays[(depth as usize).min(COUNTED_DEPTHS) - 1] += 1;
-        }
+        count_depths(&mut wave.counters.rays, depth, active);
         let primitive = load_u32(&wave.hits.primitive, at);
         let hit = active & !primitive.eq(none);
         push(&mut wave.escaped, active & !hit, index);
         if hit.none() {
             continue;
         }
-        let class = gather_u32(&scene.surfaces.class, primitive);
+        let class = scene.surfaces.class.get(primitive);
         let emits = hit & !(class & U32s::splat(PrimitiveClass::EMITS)).eq(U32s::splat(0));
         push(&mut wave.emitters, emits, index);
         let mut shaded = hit;

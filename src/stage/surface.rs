@@ -2,8 +2,8 @@
 
 use crate::compile::{CompiledScene, Features};
 use crate::geometry::{SurfacePoint, sphere_point, triangle_point};
-use crate::math::lanes::{F32s, Mask, U32s, gather, gather_u32};
-use crate::math::{Compare, Vec3s};
+use crate::math::lanes::{F32s, Mask, U32s, gather};
+use crate::math::{Compare, Table, Vec3s};
 use crate::wave::RayQueue;
 
 /// Three columns at `index`.
@@ -14,6 +14,12 @@ pub(super) fn gather3(columns: [&[f32]; 3], index: U32s) -> Vec3s {
         gather(columns[1], index),
         gather(columns[2], index),
     )
+}
+
+/// Three tables at `index`.
+#[inline(always)]
+fn look_up3([x, y, z]: &[Table<f32>; 3], index: U32s) -> Vec3s {
+    Vec3s::new(x.get(index), y.get(index), z.get(index))
 }
 
 /// Origin and direction of the rays at `ray`.
@@ -56,18 +62,16 @@ pub(super) fn surface<const F: u32>(
     let triangle = || {
         let [a, b, c] = &surfaces.corners;
         let corners =
-            [a, b, c].map(|corner| gather3([&corner[0], &corner[1], &corner[2]], primitive));
-        let [nx, ny, nz] = &surfaces.normal;
+            [a, b, c].map(|corner| look_up3(corner, primitive));
         (
             triangle_point(origin, direction, corners),
-            gather3([nx, ny, nz], primitive),
+            look_up3(&surfaces.normal, primitive),
         )
     };
     let sphere = || {
         let index = primitive - U32s::splat(surfaces.first_sphere);
-        let [cx, cy, cz] = &surfaces.center;
-        let center = gather3([cx, cy, cz], index);
-        let radius = gather(&surfaces.radius, index);
+        let center = look_up3(&surfaces.center, index);
+        let radius = surfaces.radius.get(index);
         let point = sphere_point(origin, direction, t, center, radius);
         let normal = (point.p - center).normalize();
         (point, normal)
@@ -89,5 +93,5 @@ pub(super) fn surface<const F: u32>(
 /// Material of the primitives.
 #[inline(always)]
 pub(super) fn material(scene: &CompiledScene, primitive: U32s) -> U32s {
-    gather_u32(&scene.surfaces.material, primitive)
+    scene.surfaces.material.get(primitive)
 }

@@ -53,12 +53,8 @@ soa! {
         pdf: f32, if Features::MIS;
         /// Product of the relative indices crossed: undoes the radiance scaling for roulette.
         eta: f32, if Features::DIELECTRIC;
-        /// Normal where the ray starts: the reference of the background's density.
-        normal_x: f32, if Features::BACKGROUND;
-        /// Normal.
-        normal_y: f32, if Features::BACKGROUND;
-        /// Normal.
-        normal_z: f32, if Features::BACKGROUND;
+        /// Cosine between the ray and the normal where it starts: decides the background's density.
+        cosine: f32, if Features::BACKGROUND;
     }
 }
 

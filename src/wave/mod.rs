@@ -155,6 +155,20 @@ pub fn material_feature(kind: usize) -> Features {
     }
 }
 
+/// Counts the lanes of `mask` by the depth in their packed state. Neighbours in a queue mostly have
+/// the same depth, so that few rounds do.
+#[inline(always)]
+pub fn count_depths(counts: &mut [u64; COUNTED_DEPTHS], ray_state: U32s, mask: Mask) {
+    let depths = ray_state & U32s::splat(state::DEPTH);
+    let mut left = mask;
+    while left.any() {
+        let depth = depths.as_array()[left.0.trailing_zeros() as usize];
+        let same = left & depths.eq(U32s::splat(depth));
+        counts[(depth as usize).clamp(1, COUNTED_DEPTHS) - 1] += same.count() as u64;
+        left = left & !same;
+    }
+}
+
 /// Adds `radiance` of the lanes of `mask` to their paths; what is not finite or is negative is
 /// left out and counted.
 #[inline(always)]

@@ -2,7 +2,7 @@
 
 use bytemuck::Pod;
 
-use crate::math::lanes::{F32s, LANES, Mask, U32s, compress, compress_u32, padded};
+use crate::math::lanes::{F32s, LANES, Mask, U32s, compress, compress_u32, compress_u64, padded};
 
 /// A column of a queue: cache-line aligned, padded with one spare vector of lanes so that whole
 /// vectors may be read and written at any item. A column whose feature is absent is empty.
@@ -35,14 +35,8 @@ impl Item for u32 {
 impl Item for u64 {
     #[inline(always)]
     fn compress(from: &[Self], source: usize, to: &mut [Self], target: usize, mask: Mask) {
-        // Two 32-bit compressions of the halves cost more than this short loop over the survivors.
-        let (from, to) = (
-            &from[source..source + LANES],
-            &mut to[target..target + LANES],
-        );
-        for (slot, lane) in to.iter_mut().zip(mask.lanes()) {
-            *slot = from[lane];
-        }
+        let lanes = from[source..source + LANES].try_into();
+        compress_u64(to, target, mask, lanes.expect("slice has LANES items"));
     }
 }
 

@@ -239,13 +239,15 @@ fn time_limit_ends_the_render_and_progress_is_told_in_lines() {
         SCENE,
         "--width=24",
         "--height=16",
-        "--seconds=3.3",
+        "--seconds=4",
         "--report=r.json",
     ]));
     let report = report(&directory.path().join("r.json"));
     assert_eq!(report.result.ended, EndReason::Seconds);
+    // A round that would overrun is not begun, so the end may come a slow round before the limit;
+    // the first line of progress comes after 3 s.
     assert!(
-        (3.2..30.0).contains(&report.times.render.wall_seconds),
+        (3.1..30.0).contains(&report.times.render.wall_seconds),
         "{:?}",
         report.times
     );
