@@ -417,3 +417,98 @@ fn faces_without_area_in_f32_are_dropped_counted_and_do_not_show() {
         assert_every_pixel_is(&odd_picture(&scene, &settings), 0.6);
     }
 }
+
+/// A closed grey cube about the origin with corners at ±1.
+fn closed_box() -> SceneBuilder {
+    let mut scene = SceneBuilder::new();
+    let wall = scene.matter(lambertian(0.6));
+    scene.floor(1.0, -1.0, wall);
+    scene.floor(1.0, 1.0, wall);
+    for [a, b] in [[[-1.0, -1.0], [1.0, -1.0]], [[1.0, 1.0], [-1.0, 1.0]]] {
+        let across = [b, [b[0], -b[1]]];
+        for [p, q] in [[a, b], across] {
+            let corners = [(p, -1.0), (q, -1.0), (q, 1.0), (p, 1.0)];
+            scene.quad(corners.map(|([x, y], z)| [x, y, z]), wall);
+        }
+    }
+    scene
+}
+
+#[test]
+fn closed_rooms_keep_light_out() {
+    type Light = fn(&mut SceneBuilder);
+    let lights: [Light; 5] = [
+        |scene| scene.point_light([0.3, 0.2, 3.0], 50.0),
+        |scene| scene.point_light([0.3, 0.2, 1.0 + 1e-4], 50.0),
+        |scene| scene.background(10.0),
+        |scene| {
+            let light = scene.one_sided(BsdfDescription::Black, 50.0);
+            scene.sphere([3.0, 0.5, 0.4], 1.0, light);
+        },
+        |scene| {
+            let light = scene.two_sided(BsdfDescription::Black, 50.0);
+            scene.ceiling(1.0, 1.5, light);
+        },
+    ];
+    for add in lights {
+        for filled in [false, true] {
+            let mut scene = closed_box();
+            add(&mut scene);
+            if filled {
+                let matte = scene.matter(lambertian(0.5));
+                scene.sphere([0.2, 0.3, -0.6], 0.3, matte);
+            }
+            scene.window(
+                [-0.5, -0.4, 0.1],
+                [0.0, 0.9, 0.8],
+                [1.0, -1.0, 0.0],
+                [0.0, 0.0, -1.6],
+            );
+            for settings in all_methods(5) {
+                for accel in STRUCTURES {
+                    let settings = RenderSettings {
+                        accel,
+                        ..settings.clone()
+                    };
+                    assert_every_pixel_is(&odd_picture(&scene.build(), &settings), 0.0);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_closed_room_casts_shadow_and_is_lit_from_outside() {
+    // A lamp above a box on a wide floor, another within it that nothing outside may see.
+    let mut scene = closed_box();
+    let floor = scene.matter(lambertian(0.6));
+    scene.floor(9.0, -1.0 - 1e-3, floor);
+    scene.point_light([0.0, 0.0, 4.0], 18.0);
+    let lamp = scene.two_sided(BsdfDescription::Black, 10.0);
+    scene.sphere([0.0, 0.0, 0.0], 0.2, lamp);
+    let lit = |point: DVec3, normal: DVec3| {
+        let to_light = DVec3::new(0.0, 0.0, 4.0) - point;
+        0.6 / PI * 18.0 * to_light.normalize().dot(normal) / to_light.length_squared()
+    };
+    let on_floor = DVec3::new(0.0, -6.0, -1.001);
+    for (eye, at, expected) in [
+        ([0.5, -3.0, 3.0], [0.0, 0.0, 1.0], lit(DVec3::Z, DVec3::Z)),
+        ([0.0, -8.0, 1.0], on_floor.into(), lit(on_floor, DVec3::Z)),
+        // In the shadow of the box, and a wall of it that the lamp does not see.
+        ([0.0, -8.0, 1.0], [0.0, -1.3, -1.001], 0.0),
+        ([0.0, -8.0, 1.0], [0.3, -1.0, 0.2], 0.0),
+    ] {
+        let mut scene = scene.clone();
+        scene.aim(eye, at);
+        for strategy in STRATEGIES {
+            for accel in STRUCTURES {
+                let settings = RenderSettings {
+                    accel,
+                    ..path(strategy, 2)
+                };
+                let measured = Renderer::Wavefront.measure(&scene.build(), &settings, 40_000);
+                measured.assert_is(expected);
+            }
+        }
+    }
+}
