@@ -6,7 +6,7 @@ use super::emission::has;
 use super::surface::{gather_rays, gather_throughput, material, surface};
 use crate::compile::{CompiledScene, Features, WorkItem};
 use crate::geometry::{SurfacePoint, spawn_origin};
-use crate::light;
+use crate::light::{self, Receiver};
 use crate::material::{BsdfSample, Material};
 use crate::math::lanes::{
     F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, gather_u64, load_u32, store, store_u32,
@@ -187,7 +187,12 @@ fn sample_light<M: Material, const F: u32>(
         let u = random.next_f32();
         strata.pair(Dimension::LightPoint, [u, random.next_f32()])
     };
-    let sample = light::sample::<F>(&scene.lights, hits.point.p, hits.normal, [choice, u, v]);
+    let receiver = Receiver {
+        p: hits.point.p,
+        n: hits.normal,
+        primitive: hits.primitive,
+    };
+    let sample = light::sample::<F>(&scene.lights, &receiver, [choice, u, v]);
     let mut valid = hits.active & sample.valid;
     if scene.strategy == Strategy::Bsdf && !scene.on::<F>(Features::WHITTED) {
         // Every other light is found by hitting it.

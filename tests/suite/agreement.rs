@@ -7,7 +7,7 @@ use wavepath::scene::{
     AccelKind, Budget, IntegratorKind, RenderSettings, SamplerKind, SceneDescription, Strategy,
 };
 
-use crate::support::{load, picture, scene_files};
+use crate::support::{estimate, load, picture, scene_files};
 use crate::ztest::{ImageEstimate, compare};
 
 const SIZE: [u32; 2] = [24, 24];
@@ -18,15 +18,7 @@ const SAMPLES: u64 = 128;
 const FALSE_ALARM: f64 = 1e-4;
 
 fn render(scene: &SceneDescription, camera: usize, settings: &RenderSettings) -> ImageEstimate {
-    let film = picture(scene, camera, SIZE, settings).film;
-    ImageEstimate {
-        width: film.width() as usize,
-        height: film.height() as usize,
-        mean: (0..film.len()).map(|p| film.mean(p)).collect(),
-        variance_of_mean: (0..film.len())
-            .map(|p| film.variance(p).expect("several blocks"))
-            .collect(),
-    }
+    estimate(&picture(scene, camera, SIZE, settings).film)
 }
 
 /// The reference's picture; where nothing is biased, it is the same for every strategy.
