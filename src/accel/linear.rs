@@ -8,6 +8,10 @@
 //! right sign for those images or is zero. Distances are n·(a − o) / n·d, compared as fractions, so that
 //! one division per ray remains.
 //!
+//! A closed convex shell around everything (the walls of a room) needs no edges at all: a ray from inside
+//! leaves through the plane that it reaches first (see [`super::shell`]). And shadow rays that cannot leave
+//! the convex hull are not tested against what lies on it.
+//!
 //! What lanes cannot decide for certain goes to a scalar scan of the triangles, whole rays at a time: an
 //! edge function of zero on a polygon that would be accepted, a ray nearly within the plane of a polygon
 //! (where that quotient is not bounded by the polygon's extent, and the image of a merged polygon need not
@@ -331,17 +335,30 @@ impl LinearScan {
         let walls = closed(&on_hull(&polygons, &vertices, geometry, &[]), &polygons);
         let wall_ids = ids(&walls, &polygons);
         // A segment between two points on one side of a plane does not cross the plane.
-        let outer = geometry.segment_ends.as_ref().map_or_else(HashSet::new, |ends| {
-            ids(&on_hull(&polygons, &vertices, geometry, ends), &polygons)
-        });
+        let outer = geometry
+            .segment_ends
+            .as_ref()
+            .map_or_else(HashSet::new, |ends| {
+                ids(&on_hull(&polygons, &vertices, geometry, ends), &polygons)
+            });
         let beside = |left_out: &HashSet<u32>| {
-            let kept = polygons.iter().filter(|polygon| !left_out.contains(&polygon.id));
+            let kept = polygons
+                .iter()
+                .filter(|polygon| !left_out.contains(&polygon.id));
             FaceSet::new(&vertices, kept)
         };
         let wall = |wall: &HullPolygon| {
-            let Polygon { corners, normal, id } = &polygons[wall.index];
+            let Polygon {
+                corners,
+                normal,
+                id,
+            } = &polygons[wall.index];
             Wall {
-                outward: if wall.inward { normal.map(|x| -x) } else { *normal },
+                outward: if wall.inward {
+                    normal.map(|x| -x)
+                } else {
+                    *normal
+                },
                 anchor: vertices[corners[0] as usize],
                 id: *id,
             }

@@ -45,10 +45,17 @@ pub(super) fn on_hull(
         .iter()
         .chain(others)
         .map(|p| (position(p), 0.0))
-        .chain(geometry.spheres.iter().map(|s| (position(&s.center), f64::from(s.radius))))
+        .chain(
+            geometry
+                .spheres
+                .iter()
+                .map(|s| (position(&s.center), f64::from(s.radius))),
+        )
         .collect();
-    let largest =
-        points.iter().map(|(p, radius)| p.abs().max_element() + radius).fold(0.0, f64::max);
+    let largest = points
+        .iter()
+        .map(|(p, radius)| p.abs().max_element() + radius)
+        .fold(0.0, f64::max);
     let slack = COPLANAR * largest;
     polygons
         .iter()
@@ -56,7 +63,9 @@ pub(super) fn on_hull(
         .filter_map(|(index, polygon)| {
             let anchor = position(&vertices[polygon.corners[0] as usize]);
             let encloses = |outward: DVec3| {
-                points.iter().all(|(p, radius)| outward.dot(*p - anchor) + radius <= slack)
+                points
+                    .iter()
+                    .all(|(p, radius)| outward.dot(*p - anchor) + radius <= slack)
             };
             let normal = position(&polygon.normal);
             let inward = encloses(-normal);
@@ -70,7 +79,11 @@ pub(super) fn closed(hull: &[HullPolygon], polygons: &[Polygon]) -> Vec<HullPoly
     let edges = |wall: &HullPolygon| {
         let corners = &polygons[wall.index].corners;
         let next = corners.iter().cycle().skip(1);
-        corners.iter().zip(next).map(|(&a, &b)| [a.min(b), a.max(b)]).collect::<Vec<_>>()
+        corners
+            .iter()
+            .zip(next)
+            .map(|(&a, &b)| [a.min(b), a.max(b)])
+            .collect::<Vec<_>>()
     };
     let mut walls = hull.to_vec();
     loop {
@@ -89,9 +102,15 @@ pub(super) fn closed(hull: &[HullPolygon], polygons: &[Polygon]) -> Vec<HullPoly
         if wall.inward { -normal } else { normal }
     };
     let apart = |(i, a): (usize, &HullPolygon)| {
-        walls[i + 1..].iter().all(|b| outward(a).dot(outward(b)) <= MOST_COSINE)
+        walls[i + 1..]
+            .iter()
+            .all(|b| outward(a).dot(outward(b)) <= MOST_COSINE)
     };
-    if walls.iter().enumerate().all(apart) { walls } else { Vec::new() }
+    if walls.iter().enumerate().all(apart) {
+        walls
+    } else {
+        Vec::new()
+    }
 }
 
 /// Ids of hull polygons.

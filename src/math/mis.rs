@@ -76,11 +76,21 @@ mod tests {
 
     #[test]
     fn the_weight_over_the_density_is_their_quotient() {
-        for (pdf, other) in [(1.0, 1.0), (0.4, 0.3), (3.0, 0.0), (1e-6, 1e6), (1e10, 1e-10), (1e20, 1e20)] {
+        for (pdf, other) in [
+            (1.0, 1.0),
+            (0.4, 0.3),
+            (3.0, 0.0),
+            (1e-6, 1e6),
+            (1e10, 1e-10),
+            (1e20, 1e20),
+        ] {
             let got = power_heuristic_over_pdf(F32s::splat(pdf), F32s::splat(other)).to_array()[0];
             let (p, q) = (f64::from(pdf), f64::from(other));
             let expected = p / (p * p + q * q);
-            assert!((f64::from(got) - expected).abs() <= 1e-6 * expected + 1e-37, "{pdf}, {other}: {got}");
+            assert!(
+                (f64::from(got) - expected).abs() <= 1e-6 * expected + 1e-37,
+                "{pdf}, {other}: {got}"
+            );
         }
     }
 }

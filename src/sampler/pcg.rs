@@ -71,8 +71,8 @@ impl Pcg32s {
             let sample = *state + u64x8::splat(first_sample);
             let start = mix(key ^ (pixel << 32) ^ mix(sample ^ (sample >> 32)));
             // As `Pcg32::new` does: add the increment, then one step.
-            *state =
-                (start + u64x8::splat(INCREMENT)) * u64x8::splat(MULTIPLIER) + u64x8::splat(INCREMENT);
+            *state = (start + u64x8::splat(INCREMENT)) * u64x8::splat(MULTIPLIER)
+                + u64x8::splat(INCREMENT);
         }
         Self { state }
     }

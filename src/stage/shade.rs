@@ -9,7 +9,8 @@ use crate::geometry::{SurfacePoint, spawn_origin};
 use crate::light::{self, Receiver};
 use crate::material::{BsdfSample, Material};
 use crate::math::lanes::{
-    F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, gather_u64, load_u32, store, store_u32,
+    F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, gather_u64, load_u32,
+    store, store_u32,
 };
 use crate::math::{Compare, Frame, Vec3s, mis};
 use crate::sampler::{BOUNCE_DIMENSIONS, CAMERA_DIMENSIONS, Dimension, Pcg32s, Strata};
@@ -97,7 +98,14 @@ pub(super) fn shade<M: Material, const F: u32>(
                 Branch::Sampled => {
                     let sample = M::sample(&params, hits.wo, direction_numbers(&hits, strata));
                     let random = hits.random;
-                    continue_path::<M, F>(scene, &hits, &sample, random, hits.state, &mut wave.next);
+                    continue_path::<M, F>(
+                        scene,
+                        &hits,
+                        &sample,
+                        random,
+                        hits.state,
+                        &mut wave.next,
+                    );
                 }
                 Branch::First | Branch::Second => {
                     follow_split::<M, F>(scene, &hits, strata, &params, branch, &mut wave.next);
@@ -202,7 +210,9 @@ fn sample_light<M: Material, const F: u32>(
     // Weight over density; the weight of a delta light is 1.
     let alone = F32s::splat(1.0) / sample.pdf;
     let over_pdf = if scene.on::<F>(Features::MIS) {
-        sample.delta.select(alone, mis::power_heuristic_over_pdf(sample.pdf, pdf))
+        sample
+            .delta
+            .select(alone, mis::power_heuristic_over_pdf(sample.pdf, pdf))
     } else {
         alone
     };
@@ -258,7 +268,14 @@ fn follow_split<M: Material, const F: u32>(
             valid: second.valid & may_split,
             ..second
         };
-        continue_path::<M, F>(scene, hits, &second, hits.random.branch(), split_state, next);
+        continue_path::<M, F>(
+            scene,
+            hits,
+            &second,
+            hits.random.branch(),
+            split_state,
+            next,
+        );
         return;
     }
     let sampled = M::sample(params, hits.wo, direction_numbers(hits, strata));

@@ -188,7 +188,8 @@ pub fn add_radiance(
     debug_assert_eq!(good, mask, "unsound contribution {radiance:?}");
     *rejected += (mask.count() - good.count()) as u64;
     // Four lanes at a time turned into rows, so that a path takes one addition.
-    let [r, g, b]: [[f32x4; LANES / 4]; 3] = [radiance.x, radiance.y, radiance.z].map(bytemuck::cast);
+    let [r, g, b]: [[f32x4; LANES / 4]; 3] =
+        [radiance.x, radiance.y, radiance.z].map(bytemuck::cast);
     let path = path.as_array();
     for quarter in 0..LANES / 4 {
         let lanes = good.0 >> (4 * quarter) & 15;

@@ -152,6 +152,7 @@ macro_rules! soa {
 pub(crate) use soa;
 
 #[cfg(test)]
+#[allow(unreachable_pub, reason = "the macro declares public queues")]
 mod tests {
     use super::*;
     use crate::compile::Features;
