@@ -1,9 +1,9 @@
 //! A binary tree, traversed one ray at a time.
 
-use super::leaf::{Closest, LEAF_SIZE, Leaves, TreeRay};
-use super::stack::{Entry, with_stack};
+use super::leaf::{LEAF_SIZE, Leaves, TreeRay};
+use super::stack::Entry;
 use super::tree::{BinaryTree, Pending};
-use super::{Accel, AccelCounters, HitBatch, RayBatch, ShadowBatch};
+use super::walk::Tree;
 use crate::geometry::Geometry;
 use crate::geometry::slab::Bounds;
 
@@ -78,9 +78,23 @@ impl Bvh2 {
         }
         bvh
     }
+}
 
-    /// Visits leaves that the ray enters no later than at `limit`, nearer children first. `visit` may
-    /// lower the limit, and ends the walk by returning true.
+impl Tree for Bvh2 {
+    const NAME: &'static str = "bvh2";
+
+    fn node_bytes(&self) -> usize {
+        std::mem::size_of_val(&*self.nodes)
+    }
+
+    fn leaves(&self) -> &Leaves {
+        &self.leaves
+    }
+
+    fn stack_bound(&self) -> usize {
+        self.stack_bound
+    }
+
     #[inline]
     fn walk(
         &self,
@@ -138,50 +152,5 @@ impl Bvh2 {
                 }
             }
         }
-    }
-}
-
-impl Accel for Bvh2 {
-    fn name(&self) -> &'static str {
-        "bvh2"
-    }
-
-    fn bytes(&self) -> usize {
-        std::mem::size_of_val(&*self.nodes) + self.leaves.bytes()
-    }
-
-    fn closest(&self, rays: RayBatch<'_>, hits: HitBatch<'_>, counters: &mut AccelCounters) {
-        with_stack(self.stack_bound, |stack| {
-            for at in 0..rays.len {
-                let mut closest = Closest::MISS;
-                if let Some(ray) = TreeRay::new(&rays, at) {
-                    let AccelCounters { nodes, tests } = &mut *counters;
-                    self.walk(&ray, stack, closest.limit(), nodes, |leaf, limit| {
-                        self.leaves.closest(leaf, &ray, &mut closest, tests);
-                        *limit = closest.limit();
-                        false
-                    });
-                }
-                hits.t[at] = closest.t;
-                hits.primitive[at] = closest.primitive;
-            }
-        });
-    }
-
-    fn occluded(&self, rays: ShadowBatch<'_>, occluded: &mut [u32], counters: &mut AccelCounters) {
-        with_stack(self.stack_bound, |stack| {
-            for (at, answer) in occluded.iter_mut().enumerate().take(rays.rays.len) {
-                let (t_max, target) = (rays.t_max[at], rays.target[at]);
-                let mut blocked = false;
-                if let Some(ray) = TreeRay::new(&rays.rays, at) {
-                    let AccelCounters { nodes, tests } = &mut *counters;
-                    self.walk(&ray, stack, t_max, nodes, |leaf, _| {
-                        blocked = self.leaves.occluded(leaf, &ray, t_max, target, tests);
-                        blocked
-                    });
-                }
-                *answer = u32::from(blocked);
-            }
-        });
     }
 }

@@ -10,6 +10,7 @@ mod stack;
 #[cfg(test)]
 mod tests;
 mod tree;
+mod walk;
 
 pub use bvh2::Bvh2;
 pub use bvh8::Bvh8;

@@ -44,5 +44,5 @@ pub(super) fn sample<const KINDS: u32>(
 /// to the shading normal is `cos`: choice·cos⁺/π.
 #[inline(always)]
 pub fn pdf_background<const KINDS: u32>(lights: &LightTable, light: U32s, cos: F32s) -> F32s {
-    lights.get::<KINDS>(&lights.density, light) * cos.fast_max(F32s::splat(0.0))
+    lights.get::<KINDS, f32>(&lights.density, light) * cos.fast_max(F32s::splat(0.0))
 }

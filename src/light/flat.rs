@@ -73,24 +73,28 @@ pub(super) fn sample<const KINDS: u32>(
     u2: F32s,
 ) -> LightSample {
     let zero = F32s::splat(0.0);
-    let (b1, b2) = triangle_or_square(lights.get::<KINDS>(&lights.fold, light), u1, u2);
+    let (b1, b2) = triangle_or_square(lights.get::<KINDS, f32>(&lights.fold, light), u1, u2);
     let to_light = (lights.get3::<KINDS>(&lights.position, light) - p)
         .add_scaled(lights.get3::<KINDS>(&lights.edge1, light), b1)
         .add_scaled(lights.get3::<KINDS>(&lights.edge2, light), b2);
     let distance = to_light.length_squared().sqrt();
     let direction = to_light * (F32s::splat(1.0) / distance);
     let cos = -direction.dot(lights.get3::<KINDS>(&lights.normal, light));
-    let two_sided = lights.get::<KINDS>(&lights.back, light).gt(zero);
+    let two_sided = lights.get::<KINDS, f32>(&lights.back, light).gt(zero);
     let first = b1.ge(b2);
     LightSample {
         direction,
         distance,
         radiance: lights.get3::<KINDS>(&lights.radiance, light),
-        pdf: per_steradian(lights.get::<KINDS>(&lights.density, light), cos, distance),
+        pdf: per_steradian(
+            lights.get::<KINDS, f32>(&lights.density, light),
+            cos,
+            distance,
+        ),
         delta: Mask::NONE,
         primitive: first.select_u32(
-            lights.get_u32::<KINDS>(&lights.primitives[0], light),
-            lights.get_u32::<KINDS>(&lights.primitives[1], light),
+            lights.get::<KINDS, u32>(&lights.primitives[0], light),
+            lights.get::<KINDS, u32>(&lights.primitives[1], light),
         ),
         valid: cos.gt(zero) | (two_sided & cos.lt(zero)),
     }
@@ -106,5 +110,9 @@ pub fn pdf_flat<const KINDS: u32>(
     distance: F32s,
 ) -> F32s {
     let cos = -direction.dot(lights.get3::<KINDS>(&lights.normal, light));
-    per_steradian(lights.get::<KINDS>(&lights.density, light), cos, distance)
+    per_steradian(
+        lights.get::<KINDS, f32>(&lights.density, light),
+        cos,
+        distance,
+    )
 }

@@ -26,8 +26,8 @@ use choice::LightChoice;
 
 use crate::error::Result;
 use crate::geometry::PrimitiveId;
-use crate::math::lanes::{gather, gather_u32};
-use crate::math::{Compare, F32s, Mask, U32s, Vec3s};
+use crate::math::table::Entry;
+use crate::math::{Compare, F32s, Mask, Table, U32s, Vec3s};
 
 /// Bits of the sets of light kinds that kernels are compiled for.
 pub mod kinds {
@@ -150,27 +150,27 @@ pub struct LightTable {
     choice: LightChoice,
     background: Option<u32>,
     /// Bit of the light in [`kinds`].
-    kind: Vec<u32>,
+    kind: Table<u32>,
     /// Radiance, or intensity of a point.
-    radiance: [Vec<f32>; 3],
+    radiance: [Table<f32>; 3],
     /// What the back emits of what the front does: 0 or 1.
-    back: Vec<f32>,
+    back: Table<f32>,
     /// Probability of the choice times the constant part of the kind's density.
-    density: Vec<f32>,
+    density: Table<f32>,
     /// Corner, centre or point.
-    position: [Vec<f32>; 3],
+    position: [Table<f32>; 3],
     /// Flat: first edge.
-    edge1: [Vec<f32>; 3],
+    edge1: [Table<f32>; 3],
     /// Flat: second edge.
-    edge2: [Vec<f32>; 3],
+    edge2: [Table<f32>; 3],
     /// Flat: unit normal.
-    normal: [Vec<f32>; 3],
+    normal: [Table<f32>; 3],
     /// Flat: 1/2 for a triangle, 0 for a parallelogram (see [`crate::math::warp::triangle_or_square`]).
-    fold: Vec<f32>,
+    fold: Table<f32>,
     /// Sphere: radius.
-    radius: Vec<f32>,
+    radius: Table<f32>,
     /// First and second primitive; equal where there is one, `NONE` where there is none.
-    primitives: [Vec<u32>; 2],
+    primitives: [Table<u32>; 2],
 }
 
 /// One light's entries in the columns; what its kind does not have stays zero.
@@ -223,7 +223,7 @@ impl LightTable {
     }
 
     fn push(&mut self, kind: u32, probability: f32, row: &Row) {
-        fn extend(columns: &mut [Vec<f32>; 3], values: [f32; 3]) {
+        fn extend(columns: &mut [Table<f32>; 3], values: [f32; 3]) {
             for (column, value) in columns.iter_mut().zip(values) {
                 column.push(value);
             }
@@ -271,30 +271,22 @@ impl LightTable {
         self.choice.bytes() + self.len() * (3 * size_of::<u32>() + 19 * size_of::<f32>())
     }
 
+    /// What `column` has for each light; without [`kinds::MANY`] there is one light only.
     #[inline(always)]
-    fn get<const KINDS: u32>(&self, column: &[f32], light: U32s) -> F32s {
+    fn get<const KINDS: u32, T: Entry>(&self, column: &Table<T>, light: U32s) -> T::Lanes {
         if KINDS & kinds::MANY == 0 {
-            F32s::splat(column[0])
+            T::splat(column[0])
         } else {
-            gather(column, light)
+            column.get(light)
         }
     }
 
     #[inline(always)]
-    fn get_u32<const KINDS: u32>(&self, column: &[u32], light: U32s) -> U32s {
-        if KINDS & kinds::MANY == 0 {
-            U32s::splat(column[0])
-        } else {
-            gather_u32(column, light)
-        }
-    }
-
-    #[inline(always)]
-    fn get3<const KINDS: u32>(&self, [x, y, z]: &[Vec<f32>; 3], light: U32s) -> Vec3s {
+    fn get3<const KINDS: u32>(&self, [x, y, z]: &[Table<f32>; 3], light: U32s) -> Vec3s {
         Vec3s::new(
-            self.get::<KINDS>(x, light),
-            self.get::<KINDS>(y, light),
-            self.get::<KINDS>(z, light),
+            self.get::<KINDS, f32>(x, light),
+            self.get::<KINDS, f32>(y, light),
+            self.get::<KINDS, f32>(z, light),
         )
     }
 }
@@ -379,7 +371,7 @@ pub fn sample<const KINDS: u32>(lights: &LightTable, at: &Receiver, u: [F32s; 3]
         kinds::POINT => point::sample::<KINDS>(lights, light, at.p),
         kinds::BACKGROUND => background::sample::<KINDS>(lights, light, at.n, u1, u2),
         _ => {
-            let kind = lights.get_u32::<KINDS>(&lights.kind, light);
+            let kind = lights.get::<KINDS, u32>(&lights.kind, light);
             let is = |bit: u32| {
                 if KINDS & bit == 0 {
                     Mask::NONE
@@ -437,7 +429,7 @@ pub fn pdf<const KINDS: u32>(
         kinds::POINT => zero,
         kinds::BACKGROUND => pdf_background::<KINDS>(lights, light, at.n.dot(direction)),
         _ => {
-            let kind = lights.get_u32::<KINDS>(&lights.kind, light);
+            let kind = lights.get::<KINDS, u32>(&lights.kind, light);
             let is = |bit: u32| {
                 if KINDS & bit == 0 {
                     Mask::NONE
@@ -474,7 +466,7 @@ pub fn pdf<const KINDS: u32>(
 /// geometric normal and the direction back along the ray. Of the background, give 1.
 #[inline(always)]
 pub fn emitted<const KINDS: u32>(lights: &LightTable, light: U32s, cos: F32s) -> Vec3s {
-    let back = lights.get::<KINDS>(&lights.back, light);
+    let back = lights.get::<KINDS, f32>(&lights.back, light);
     let side = cos.gt(F32s::splat(0.0)).select(F32s::splat(1.0), back);
     lights.get3::<KINDS>(&lights.radiance, light) * side
 }

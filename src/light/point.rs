@@ -25,7 +25,7 @@ pub(super) fn sample<const KINDS: u32>(lights: &LightTable, light: U32s, p: Vec3
         direction: to_light * inverse2.sqrt(),
         distance: distance2.sqrt(),
         radiance: lights.get3::<KINDS>(&lights.radiance, light) * inverse2,
-        pdf: lights.get::<KINDS>(&lights.density, light),
+        pdf: lights.get::<KINDS, f32>(&lights.density, light),
         delta: Mask::ALL,
         primitive: U32s::splat(PrimitiveId::NONE),
         // At the point itself there is no direction.

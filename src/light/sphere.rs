@@ -46,13 +46,13 @@ impl View {
     #[inline(always)]
     fn new<const KINDS: u32>(lights: &LightTable, light: U32s, at: &Receiver) -> Self {
         let (zero, one) = (F32s::splat(0.0), F32s::splat(1.0));
-        let radius = lights.get::<KINDS>(&lights.radius, light);
+        let radius = lights.get::<KINDS, f32>(&lights.radius, light);
         let to_center = lights.get3::<KINDS>(&lights.position, light) - at.p;
         let distance2 = to_center.length_squared();
         let sin2_max = radius * radius / distance2;
         let own = at
             .primitive
-            .eq(lights.get_u32::<KINDS>(&lights.primitives[0], light));
+            .eq(lights.get::<KINDS, u32>(&lights.primitives[0], light));
         let cos_max = (one - sin2_max).fast_max(zero).sqrt();
         Self {
             radius,
@@ -61,7 +61,7 @@ impl View {
             sin2_max,
             one_minus_cos_max: sin2_max / (one + cos_max),
             outside: sin2_max.lt(one) & !own,
-            density: lights.get::<KINDS>(&lights.density, light),
+            density: lights.get::<KINDS, f32>(&lights.density, light),
         }
     }
 
@@ -103,7 +103,7 @@ pub(super) fn sample<const KINDS: u32>(
         radiance: lights.get3::<KINDS>(&lights.radiance, light),
         pdf: view.pdf_outside(),
         delta: Mask::NONE,
-        primitive: lights.get_u32::<KINDS>(&lights.primitives[0], light),
+        primitive: lights.get::<KINDS, u32>(&lights.primitives[0], light),
         valid: view.outside,
     };
     if view.outside != Mask::ALL {
@@ -112,7 +112,7 @@ pub(super) fn sample<const KINDS: u32>(
         let distance = to_light.length_squared().sqrt();
         let direction = to_light * (one / distance);
         let cos = direction.dot(outward);
-        let two_sided = lights.get::<KINDS>(&lights.back, light).gt(zero);
+        let two_sided = lights.get::<KINDS, f32>(&lights.back, light).gt(zero);
         let inside = LightSample {
             direction,
             distance,

@@ -20,6 +20,9 @@ pub trait Entry: bytemuck::Pod + Default {
     /// [`LANES`] entries.
     type Lanes: bytemuck::Pod + std::fmt::Debug;
 
+    /// The same entry in every lane.
+    fn splat(value: Self) -> Self::Lanes;
+
     /// Permutation of two registers; what an index past their end gives is unspecified.
     fn permute(registers: [Self::Lanes; 2], index: U32s) -> Self::Lanes;
 
@@ -29,6 +32,11 @@ pub trait Entry: bytemuck::Pod + Default {
 
 impl Entry for f32 {
     type Lanes = F32s;
+
+    #[inline(always)]
+    fn splat(value: Self) -> F32s {
+        F32s::splat(value)
+    }
 
     #[inline(always)]
     fn permute(registers: [F32s; 2], index: U32s) -> F32s {
@@ -43,6 +51,11 @@ impl Entry for f32 {
 
 impl Entry for u32 {
     type Lanes = U32s;
+
+    #[inline(always)]
+    fn splat(value: Self) -> U32s {
+        U32s::splat(value)
+    }
 
     #[inline(always)]
     fn permute(registers: [U32s; 2], index: U32s) -> U32s {
