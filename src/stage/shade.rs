@@ -24,6 +24,8 @@ struct Hits {
     point: SurfacePoint,
     /// Unit geometric normal; on the ray's side unless the material transmits.
     normal: Vec3s,
+    /// Where rays to the normal's side start.
+    origin: Vec3s,
     frame: Frame,
     /// Towards where the ray came from, in the frame.
     wo: Vec3s,
@@ -116,6 +118,16 @@ pub(super) fn shade<M: Material, const F: u32>(
 }
 
 impl Hits {
+    /// Where a ray in `direction` starts. What reflects sends rays to the normal's side only.
+    #[inline(always)]
+    fn start<M: Material>(&self, direction: Vec3s) -> Vec3s {
+        if M::TRANSMISSIVE {
+            spawn_origin(&self.point, self.normal, direction)
+        } else {
+            self.origin
+        }
+    }
+
     /// The hits at `at ..` of the queue of `M`'s kind.
     #[inline(always)]
     fn fetch<M: Material, const F: u32>(scene: &CompiledScene, wave: &Wave, at: usize) -> Self {
@@ -136,6 +148,7 @@ impl Hits {
         Self {
             active: Mask::first(queue.len - at),
             primitive,
+            origin: spawn_origin(&point, normal, normal),
             point,
             normal,
             wo: frame.to_local(-direction),
@@ -217,7 +230,7 @@ fn sample_light<M: Material, const F: u32>(
     if brings.none() {
         return;
     }
-    let origin = spawn_origin(&hits.point, hits.normal, sample.direction);
+    let origin = hits.start::<M>(sample.direction);
     let t_max = sample.distance - F32s::splat(scene.light_point_error);
     let shadows = &mut wave.shadows;
     let at = shadows.len;
@@ -297,7 +310,7 @@ fn continue_path<M: Material, const F: u32>(
 ) {
     let at = next.len;
     let direction = hits.frame.to_world(sample.wi);
-    let origin = spawn_origin(&hits.point, hits.normal, direction);
+    let origin = hits.start::<M>(direction);
     let weighted = hits.throughput.mul_elem(sample.weight);
     next.set_ray(at, origin, direction, hits.primitive);
     next.set_throughput(at, Vec3s::select(sample.valid, weighted, Vec3s::zero()));
