@@ -1045,7 +1045,10 @@ fn segments_in_room(
     ends: Option<Vec<[f32; 3]>>,
     segments: &[([f32; 3], [f32; 3])],
 ) -> (Vec<bool>, u64) {
-    let accel = LinearScan::new(&Geometry { segment_ends: ends, ..room() });
+    let accel = LinearScan::new(&Geometry {
+        segment_ends: ends,
+        ..room()
+    });
     let (mut rays, mut t_max) = (Rays::default(), Vec::new());
     for &(from, to) in segments {
         let end = to.map(f64::from);
@@ -1061,8 +1064,9 @@ fn segments_in_room(
 #[test]
 fn between_points_of_a_room_its_walls_are_left_out_and_nothing_changes() {
     let mut rng = Rng(31);
-    let segments: Vec<_> =
-        (0..50_000).map(|_| (point_in_room(&mut rng), point_in_room(&mut rng))).collect();
+    let segments: Vec<_> = (0..50_000)
+        .map(|_| (point_in_room(&mut rng), point_in_room(&mut rng)))
+        .collect();
     let (full, full_tests) = segments_in_room(None, &segments);
     let (lean, lean_tests) = segments_in_room(Some(Vec::new()), &segments);
     assert_eq!(full, lean);
@@ -1076,7 +1080,9 @@ fn between_points_of_a_room_its_walls_are_left_out_and_nothing_changes() {
 fn a_wall_between_the_room_and_a_light_outside_occludes() {
     let light = [40.0, 0.0, 0.0];
     let mut rng = Rng(32);
-    let segments: Vec<_> = (0..1000).map(|_| (point_in_room(&mut rng), light)).collect();
+    let segments: Vec<_> = (0..1000)
+        .map(|_| (point_in_room(&mut rng), light))
+        .collect();
     let (occluded, _) = segments_in_room(Some(vec![light]), &segments);
     assert!(occluded.iter().all(|&o| o));
 }

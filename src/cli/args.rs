@@ -85,7 +85,7 @@ pub(super) struct SceneArgs {
     #[arg(long)]
     pub(super) force_features: bool,
 
-    /// Paths in flight per thread (same image) [default: 1024]
+    /// Paths in flight per thread (same image) [default: 4096]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) wave: Option<usize>,
 

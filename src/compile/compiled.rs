@@ -11,8 +11,8 @@ use crate::material::{FresnelFormula, MaterialKind, MaterialSpec, MaterialTable}
 use crate::math::Table;
 use crate::math::float::gamma;
 use crate::scene::{
-    AccelKind, BsdfDescription, EmissionDescription, Fresnel, IntegratorKind, MaterialId, RenderSettings, SamplerKind,
-    SceneDescription, ShapeGeometry, Strategy,
+    AccelKind, BsdfDescription, EmissionDescription, Fresnel, IntegratorKind, MaterialId,
+    RenderSettings, SamplerKind, SceneDescription, ShapeGeometry, Strategy,
 };
 
 /// What the sort stage has to know of a primitive, in one word.
@@ -131,12 +131,18 @@ pub fn compile(
     for light in &scene.point_lights {
         let position = tables.point(light.position);
         let intensity = light.intensity.as_vec3().to_array();
-        tables.lights.push(Light::Point(PointLight { position, intensity }));
+        tables.lights.push(Light::Point(PointLight {
+            position,
+            intensity,
+        }));
     }
     let background = scene.background.as_vec3().to_array();
     if scene.background.max_element() > 0.0 {
         let scene_radius = bounds.radius as f32;
-        tables.lights.push(Light::Background(BackgroundLight { radiance: background, scene_radius }));
+        tables.lights.push(Light::Background(BackgroundLight {
+            radiance: background,
+            scene_radius,
+        }));
     }
     let lights = LightTable::new(&tables.lights)?;
     tables.surfaces.light = tables.light.iter().copied().collect();
@@ -279,7 +285,13 @@ impl<'a> Tables<'a> {
                     let corners = face.map(|v| self.point(mesh.positions[v as usize]));
                     if let Some(primitive) = self.add_triangle(corners, material) {
                         let [a, b, c] = corners;
-                        self.add_flat_light(material, a, [sub(b, a), sub(c, a)], true, [primitive; 2]);
+                        self.add_flat_light(
+                            material,
+                            a,
+                            [sub(b, a), sub(c, a)],
+                            true,
+                            [primitive; 2],
+                        );
                     }
                 }
             }
@@ -290,11 +302,23 @@ impl<'a> Tables<'a> {
                 let size = (corners[2] - corners[0]).length();
                 let skew = (corners[0] - corners[1] + corners[2] - corners[3]).length();
                 if let ([Some(first), Some(second)], true) = (primitives, skew <= 1e-6 * size) {
-                    self.add_flat_light(material, a, [sub(b, a), sub(d, a)], false, [first, second]);
+                    self.add_flat_light(
+                        material,
+                        a,
+                        [sub(b, a), sub(d, a)],
+                        false,
+                        [first, second],
+                    );
                 } else {
                     for ([a, b, c], primitive) in halves.into_iter().zip(primitives) {
                         if let Some(primitive) = primitive {
-                            self.add_flat_light(material, a, [sub(b, a), sub(c, a)], true, [primitive; 2]);
+                            self.add_flat_light(
+                                material,
+                                a,
+                                [sub(b, a), sub(c, a)],
+                                true,
+                                [primitive; 2],
+                            );
                         }
                     }
                 }
@@ -324,7 +348,10 @@ impl<'a> Tables<'a> {
     }
 
     fn add_sphere(&mut self, center: DVec3, radius: f64, material: MaterialId) {
-        let sphere = Sphere { center: self.point(center), radius: radius as f32 };
+        let sphere = Sphere {
+            center: self.point(center),
+            radius: radius as f32,
+        };
         let primitive = self.geometry.len() as u32;
         extend(&mut self.surfaces.center, sphere.center);
         self.surfaces.radius.push(sphere.radius);
@@ -410,13 +437,16 @@ fn material_spec(bsdf: &BsdfDescription) -> MaterialSpec {
     let rgb = |c: DVec3| c.as_vec3().to_array();
     match *bsdf {
         BsdfDescription::Black => MaterialSpec::Black,
-        BsdfDescription::Lambertian { reflectance } => {
-            MaterialSpec::Lambertian { reflectance: rgb(reflectance) }
-        }
-        BsdfDescription::OrenNayar { reflectance, sigma } => {
-            MaterialSpec::OrenNayar { reflectance: rgb(reflectance), sigma }
-        }
-        BsdfDescription::Mirror { reflectance } => MaterialSpec::Mirror { reflectance: rgb(reflectance) },
+        BsdfDescription::Lambertian { reflectance } => MaterialSpec::Lambertian {
+            reflectance: rgb(reflectance),
+        },
+        BsdfDescription::OrenNayar { reflectance, sigma } => MaterialSpec::OrenNayar {
+            reflectance: rgb(reflectance),
+            sigma,
+        },
+        BsdfDescription::Mirror { reflectance } => MaterialSpec::Mirror {
+            reflectance: rgb(reflectance),
+        },
         BsdfDescription::Dielectric { ior, fresnel } => MaterialSpec::Dielectric {
             ior: ior as f32,
             fresnel: match fresnel {
@@ -424,9 +454,13 @@ fn material_spec(bsdf: &BsdfDescription) -> MaterialSpec {
                 Fresnel::Exact => FresnelFormula::Exact,
             },
         },
-        BsdfDescription::Phong { reflectance, exponent } => {
-            MaterialSpec::Phong { reflectance: rgb(reflectance), exponent: exponent as f32 }
-        }
+        BsdfDescription::Phong {
+            reflectance,
+            exponent,
+        } => MaterialSpec::Phong {
+            reflectance: rgb(reflectance),
+            exponent: exponent as f32,
+        },
     }
 }
 
@@ -445,7 +479,9 @@ fn albedo(bsdf: &BsdfDescription) -> [f32; 3] {
 fn features(tables: &Tables<'_>, lights: &LightTable, settings: &RenderSettings) -> Features {
     let whitted = settings.integrator == IntegratorKind::Whitted;
     let used = |kind: MaterialKind| tables.used[kind as usize];
-    let scatters = MaterialKind::ALL.into_iter().any(|kind| used(kind) && !kind.is_specular());
+    let scatters = MaterialKind::ALL
+        .into_iter()
+        .any(|kind| used(kind) && !kind.is_specular());
     // With direction sampling alone, only lights that no ray can hit are sampled.
     let sampled = if settings.strategy == Strategy::Bsdf && !whitted {
         lights.kinds() & kinds::POINT
@@ -477,7 +513,10 @@ fn features(tables: &Tables<'_>, lights: &LightTable, settings: &RenderSettings)
         shadow_rays && hittable && !whitted && settings.strategy == Strategy::Mis,
         Features::MIS,
     );
-    add(settings.sampler == SamplerKind::Stratified, Features::STRATIFIED);
+    add(
+        settings.sampler == SamplerKind::Stratified,
+        Features::STRATIFIED,
+    );
     add(whitted, Features::WHITTED);
     add(
         shadow_rays && settings.transparent_shadows && used(MaterialKind::Dielectric),

@@ -220,7 +220,11 @@ impl Material for Dielectric {
         };
         Some([
             branch(branches.reflected, branches.reflectance, F32s::splat(1.0)),
-            branch(branches.refracted, branches.transmission_weight, branches.eta),
+            branch(
+                branches.refracted,
+                branches.transmission_weight,
+                branches.eta,
+            ),
         ])
     }
 }

@@ -243,11 +243,7 @@ impl MaterialTable {
     #[inline(always)]
     pub fn reflectance(&self, material: U32s) -> Vec3s {
         let [r, g, b] = &self.reflectance;
-        Vec3s::new(
-            r.get(material),
-            g.get(material),
-            b.get(material),
-        )
+        Vec3s::new(r.get(material), g.get(material), b.get(material))
     }
 
     /// The two kind-specific numbers per lane.

@@ -110,12 +110,22 @@ mod tests {
 
     #[test]
     fn lookups_equal_the_slice_at_every_size_around_the_registers() {
-        for size in [1, LANES - 1, LANES, LANES + 1, 2 * LANES, 2 * LANES + 1, 100] {
+        for size in [
+            1,
+            LANES - 1,
+            LANES,
+            LANES + 1,
+            2 * LANES,
+            2 * LANES + 1,
+            100,
+        ] {
             let numbers: Table<f32> = (0..size).map(|i| 10.0 + i as f32).collect();
             let bits: Table<u32> = (0..size).map(|i| 1000 * i as u32).collect();
             for start in 0..size as u32 {
                 let index = U32s::from(
-                    (iota() * U32s::splat(7) + U32s::splat(start)).to_array().map(|i| i % size as u32),
+                    (iota() * U32s::splat(7) + U32s::splat(start))
+                        .to_array()
+                        .map(|i| i % size as u32),
                 );
                 let (a, b) = (numbers.get(index).to_array(), bits.get(index).to_array());
                 for (lane, i) in index.to_array().into_iter().enumerate() {
