@@ -44,7 +44,7 @@
 //!     type = "mesh"
 //!     mesh = "box"
 //!     material = "wall"
-//!     size = 2
+//!     size = [2, 2, 2]
 //! "#;
 //! let scene = scene::parse(text, Path::new("room.toml"), &[])?;
 //! let settings = RenderSettings {
