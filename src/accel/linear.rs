@@ -8,6 +8,10 @@
 //! right sign for those images or is zero. Distances are n·(a − o) / n·d, compared as fractions, so that
 //! one division per ray remains.
 //!
+//! A closed convex shell around everything (the walls of a room) needs no edges at all: a ray from inside
+//! leaves through the plane that it reaches first (see [`super::shell`]). And shadow rays that cannot leave
+//! the convex hull are not tested against what lies on it.
+//!
 //! What lanes cannot decide for certain goes to a scalar scan of the triangles, whole rays at a time: an
 //! edge function of zero on a polygon that would be accepted, a ray nearly within the plane of a polygon
 //! (where that quotient is not bounded by the polygon's extent, and the image of a merged polygon need not
@@ -16,9 +20,8 @@
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-use glam::DVec3;
-
 use super::polygon::{MAX_CORNERS, Polygon, Polygons, polygons};
+use super::shell::{HullPolygon, closed, ids, on_hull};
 use super::{Accel, AccelCounters, HitBatch, RayBatch, ShadowBatch};
 use crate::geometry::hit::RayFrame;
 use crate::geometry::sphere::sphere_distance;
@@ -28,7 +31,6 @@ use crate::math::lanes::{
     Compare, F32s, LANES, Mask, U32s, from_bits, gather_u32, load, load_u32, store, store_u32,
     to_bits,
 };
-use crate::math::float::UNIT_ROUNDOFF;
 use crate::math::vec3::Vec3s;
 
 /// Rays whose cosine with a face's normal is below this are grazing, and doubtful if they also start
@@ -40,10 +42,15 @@ const GRAZING: f32 = 1.0 / 1024.0;
 /// Rays that start farther than this many scene radii from the scene's centre are traced one at a time.
 pub(super) const REACH: f32 = 32.0;
 
-/// How far beyond a plane a point may lie and still count as on it, as a share of the largest coordinate:
-/// corners of one plane rounded to f32 deviate by a few roundings, more where the plane's own triangle is
-/// small.
-const COPLANAR: f64 = 32.0 * UNIT_ROUNDOFF as f64;
+/// A wall of the closed convex shell.
+#[derive(Debug, Clone)]
+struct Wall {
+    /// Unit normal out of the shell.
+    outward: [f32; 3],
+    /// One of its corners.
+    anchor: [f32; 3],
+    id: u32,
+}
 
 /// A polygon as the scan reads it.
 #[derive(Debug, Clone)]
@@ -75,6 +82,10 @@ struct FaceSet {
 pub struct LinearScan {
     /// Every polygon.
     all: FaceSet,
+    /// The closed convex shell, if there is one.
+    walls: Vec<Wall>,
+    /// The polygons beside the shell.
+    inner: FaceSet,
     /// The polygons that a shadow ray can cross.
     crossed: FaceSet,
     /// Per triangle, the id under which its polygon is reported.
@@ -107,6 +118,18 @@ struct Nearest {
     numerator: F32s,
     denominator: F32s,
     id: U32s,
+}
+
+impl Nearest {
+    /// No hit.
+    #[inline(always)]
+    fn none() -> Self {
+        Self {
+            numerator: F32s::splat(1.0),
+            denominator: F32s::splat(0.0),
+            id: U32s::splat(PrimitiveId::NONE),
+        }
+    }
 }
 
 /// One group of rays.
@@ -309,11 +332,42 @@ impl LinearScan {
             let half = [0, 1, 2].map(|k| 0.5 * high[k] - 0.5 * low[k]);
             ([0, 1, 2].map(|k| low[k] + half[k]), half.iter().sum())
         };
-        let outer = outer(&polygons, &vertices, geometry);
-        let crossed = polygons.iter().filter(|polygon| !outer.contains(&polygon.id));
+        let walls = closed(&on_hull(&polygons, &vertices, geometry, &[]), &polygons);
+        let wall_ids = ids(&walls, &polygons);
+        // A segment between two points on one side of a plane does not cross the plane.
+        let outer = geometry
+            .segment_ends
+            .as_ref()
+            .map_or_else(HashSet::new, |ends| {
+                ids(&on_hull(&polygons, &vertices, geometry, ends), &polygons)
+            });
+        let beside = |left_out: &HashSet<u32>| {
+            let kept = polygons
+                .iter()
+                .filter(|polygon| !left_out.contains(&polygon.id));
+            FaceSet::new(&vertices, kept)
+        };
+        let wall = |wall: &HullPolygon| {
+            let Polygon {
+                corners,
+                normal,
+                id,
+            } = &polygons[wall.index];
+            Wall {
+                outward: if wall.inward {
+                    normal.map(|x| -x)
+                } else {
+                    *normal
+                },
+                anchor: vertices[corners[0] as usize],
+                id: *id,
+            }
+        };
         Self {
-            all: FaceSet::new(&vertices, polygons.iter()),
-            crossed: FaceSet::new(&vertices, crossed),
+            all: beside(&HashSet::new()),
+            walls: walls.iter().map(wall).collect(),
+            inner: beside(&wall_ids),
+            crossed: beside(&outer),
             crossable: owner.iter().map(|owner| !outer.contains(owner)).collect(),
             owner,
             triangles: geometry.triangles.clone(),
@@ -386,13 +440,12 @@ impl LinearScan {
     ) {
         for at in (0..rays.len).step_by(LANES) {
             let group = self.load(rays, at);
-            let mut nearest = Nearest {
-                numerator: F32s::splat(1.0),
-                denominator: F32s::splat(0.0),
-                id: U32s::splat(PrimitiveId::NONE),
+            let (mut nearest, set) = match self.nearest_wall(&group) {
+                Some(wall) => (wall, &self.inner),
+                None => (Nearest::none(), &self.all),
             };
-            if !self.all.faces.is_empty() {
-                nearest = self.nearest_face(scratch, &group, nearest);
+            if !set.faces.is_empty() {
+                nearest = self.nearest_face(scratch, set, &group, nearest);
             }
             nearest = self.nearest_sphere(&group, nearest);
             store(hits.t, at, nearest.numerator / nearest.denominator);
@@ -400,17 +453,48 @@ impl LinearScan {
         }
     }
 
+    /// The wall through which each ray leaves the shell; `None` if there is no shell, or if not all of the
+    /// rays start inside of it.
+    #[inline(always)]
+    fn nearest_wall(&self, group: &Rays) -> Option<Nearest> {
+        if self.walls.is_empty() {
+            return None;
+        }
+        let zero = F32s::splat(0.0);
+        let mut nearest = Nearest::none();
+        let mut outside = Mask::NONE;
+        for wall in &self.walls {
+            let outward = Vec3s::splat(wall.outward);
+            let numerator = outward.dot(Vec3s::splat(wall.anchor) - group.origin);
+            let denominator = outward.dot(group.direction);
+            let leaving = denominator.gt(zero);
+            // On the plane itself, a ray that runs inward is inside; negated, so that NaN is outside.
+            outside = outside | !(numerator.gt(zero) | (numerator.ge(zero) & !leaving));
+            let other = !Compare::eq(group.skip, U32s::splat(wall.id));
+            let nearer = leaving
+                & other
+                & (numerator * nearest.denominator).lt(nearest.numerator * denominator);
+            nearest = Nearest {
+                numerator: nearer.select(numerator, nearest.numerator),
+                denominator: nearer.select(denominator, nearest.denominator),
+                id: nearer.select_u32(U32s::splat(wall.id), nearest.id),
+            };
+        }
+        (outside & group.active).none().then_some(nearest)
+    }
+
     #[inline(always)]
     fn nearest_face<T: Inside>(
         &self,
         scratch: &mut T,
+        set: &FaceSet,
         group: &Rays,
         mut nearest: Nearest,
     ) -> Nearest {
-        scratch.project(&self.all, group);
+        scratch.project(set, group);
         let mut uncertain = group.distant;
-        for face in &self.all.faces {
-            let (inside, zero) = scratch.inside(&self.all, face, group);
+        for face in &set.faces {
+            let (inside, zero) = scratch.inside(set, face, group);
             let (numerator, denominator) = Self::plane(face, group);
             let other = !Compare::eq(group.skip, U32s::splat(face.id));
             let candidate = inside & other & numerator.gt(F32s::splat(0.0));
@@ -594,7 +678,9 @@ impl Accel for LinearScan {
 
     fn bytes(&self) -> usize {
         self.all.bytes()
+            + self.inner.bytes()
             + self.crossed.bytes()
+            + std::mem::size_of_val(&*self.walls)
             + std::mem::size_of_val(&*self.crossable)
             + std::mem::size_of_val(&*self.owner)
             + std::mem::size_of_val(&*self.triangles)
@@ -638,37 +724,6 @@ impl Accel for LinearScan {
             self.occluded_with(&mut Unshared(None), &rays, occluded);
         }
     }
-}
-
-/// The polygons that lie on the convex hull of everything that shadow rays join, if the geometry says
-/// what that is: a segment between two points on one side of a plane does not cross the plane.
-fn outer(polygons: &[Polygon], vertices: &[[f32; 3]], geometry: &Geometry) -> HashSet<u32> {
-    let Some(ends) = &geometry.segment_ends else {
-        return HashSet::new();
-    };
-    let position = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-    let points: Vec<(DVec3, f64)> = vertices
-        .iter()
-        .chain(ends)
-        .map(|p| (position(p), 0.0))
-        .chain(geometry.spheres.iter().map(|s| (position(&s.center), f64::from(s.radius))))
-        .collect();
-    let largest = points
-        .iter()
-        .map(|(p, radius)| p.abs().max_element() + radius)
-        .fold(0.0, f64::max);
-    let slack = COPLANAR * largest;
-    polygons
-        .iter()
-        .filter(|polygon| {
-            let normal = position(&polygon.normal);
-            let anchor = position(&vertices[polygon.corners[0] as usize]);
-            [normal, -normal].into_iter().any(|outward| {
-                points.iter().all(|(p, radius)| outward.dot(*p - anchor) + radius <= slack)
-            })
-        })
-        .map(|polygon| polygon.id)
-        .collect()
 }
 
 fn extract(v: Vec3s, lane: usize) -> [f32; 3] {

@@ -5,6 +5,7 @@ mod bvh8;
 mod leaf;
 mod linear;
 mod polygon;
+mod shell;
 mod stack;
 #[cfg(test)]
 mod tests;

@@ -185,7 +185,8 @@ pub fn compile(
 struct Bounds {
     /// Middle of the bounding box; the eye of the first camera if there is nothing.
     center: DVec3,
-    /// Half the diagonal of the bounding box, at least the eye's distance from the centre.
+    /// Half the diagonal of the bounding box, at least the eye's distance from the centre; 1 where
+    /// that is nothing, so that the background of an empty scene has power.
     radius: f64,
     /// Largest coordinate relative to the centre.
     extent: f64,
@@ -219,9 +220,10 @@ impl Bounds {
             (low, high) = (eye, eye);
         }
         let center = 0.5 * (low + high);
+        let radius = (0.5 * (high - low).length()).max((eye - center).length());
         Self {
             center,
-            radius: (0.5 * (high - low).length()).max((eye - center).length()),
+            radius: if radius > 0.0 { radius } else { 1.0 },
             extent: (0.5 * (high - low)).max_element(),
         }
     }

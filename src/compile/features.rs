@@ -98,6 +98,12 @@ impl Features {
         self.0 & other.0 != 0
     }
 
+    /// Whether what needs one of `needs` is needed; what needs [`Self::all`] always is, also by a
+    /// scene that needs nothing.
+    pub const fn require(self, needs: Self) -> bool {
+        needs.0 == u32::MAX || self.intersects(needs)
+    }
+
     /// Names of the members.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         Self::NAMES

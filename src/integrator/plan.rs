@@ -153,7 +153,7 @@ fn queue(name: &str, count: usize, columns: &[ColumnInfo], features: Features) -
     let names = |present: bool| {
         let chosen = columns
             .iter()
-            .filter(|c| features.intersects(c.needs) == present);
+            .filter(|c| features.require(c.needs) == present);
         chosen.map(|c| c.name).collect()
     };
     QueuePlan {
@@ -161,7 +161,7 @@ fn queue(name: &str, count: usize, columns: &[ColumnInfo], features: Features) -
         count,
         bytes_per_item: columns
             .iter()
-            .filter(|c| features.intersects(c.needs))
+            .filter(|c| features.require(c.needs))
             .map(|c| c.bytes)
             .sum(),
         columns: names(true),

@@ -349,18 +349,24 @@ impl LightSample {
     }
 }
 
-/// A direction from the points `p` towards some light, from three uniform numbers in [0, 1): the
+/// A point that light is wanted at, per lane.
+#[derive(Debug, Clone, Copy)]
+pub struct Receiver {
+    /// The point.
+    pub p: Vec3s,
+    /// Unit shading normal on the side that light is wanted from; only the background uses it.
+    pub n: Vec3s,
+    /// The primitive that the point lies on, or [`PrimitiveId::NONE`]: rounding moves a point of an
+    /// emissive sphere to either side of it, but its own sphere can light it from within alone.
+    pub primitive: U32s,
+}
+
+/// A direction from the receivers towards some light, from three uniform numbers in [0, 1): the
 /// first for the choice of the light (unused if there is one light only), two for the direction.
 ///
-/// `n` is the unit shading normal on the side that light is wanted from; only the background uses
-/// it. `KINDS` must contain [`LightTable::kinds`].
+/// `KINDS` must contain [`LightTable::kinds`].
 #[inline(always)]
-pub fn sample<const KINDS: u32>(
-    lights: &LightTable,
-    p: Vec3s,
-    n: Vec3s,
-    u: [F32s; 3],
-) -> LightSample {
+pub fn sample<const KINDS: u32>(lights: &LightTable, at: &Receiver, u: [F32s; 3]) -> LightSample {
     let light = if KINDS & kinds::MANY == 0 {
         U32s::splat(0)
     } else {
@@ -368,10 +374,10 @@ pub fn sample<const KINDS: u32>(
     };
     let [_, u1, u2] = u;
     match KINDS & kinds::ALL & !kinds::MANY {
-        kinds::FLAT => flat::sample::<KINDS>(lights, light, p, u1, u2),
-        kinds::SPHERE => sphere::sample::<KINDS>(lights, light, p, u1, u2),
-        kinds::POINT => point::sample::<KINDS>(lights, light, p),
-        kinds::BACKGROUND => background::sample::<KINDS>(lights, light, n, u1, u2),
+        kinds::FLAT => flat::sample::<KINDS>(lights, light, at.p, u1, u2),
+        kinds::SPHERE => sphere::sample::<KINDS>(lights, light, at, u1, u2),
+        kinds::POINT => point::sample::<KINDS>(lights, light, at.p),
+        kinds::BACKGROUND => background::sample::<KINDS>(lights, light, at.n, u1, u2),
         _ => {
             let kind = lights.get_u32::<KINDS>(&lights.kind, light);
             let is = |bit: u32| {
@@ -386,7 +392,7 @@ pub fn sample<const KINDS: u32>(
             if flat.any() {
                 found = LightSample::select(
                     flat,
-                    flat::sample::<KINDS>(lights, light, p, u1, u2),
+                    flat::sample::<KINDS>(lights, light, at.p, u1, u2),
                     found,
                 );
             }
@@ -394,17 +400,18 @@ pub fn sample<const KINDS: u32>(
             if sphere.any() {
                 found = LightSample::select(
                     sphere,
-                    sphere::sample::<KINDS>(lights, light, p, u1, u2),
+                    sphere::sample::<KINDS>(lights, light, at, u1, u2),
                     found,
                 );
             }
             let point = is(kinds::POINT);
             if point.any() {
-                found = LightSample::select(point, point::sample::<KINDS>(lights, light, p), found);
+                found =
+                    LightSample::select(point, point::sample::<KINDS>(lights, light, at.p), found);
             }
             let background = is(kinds::BACKGROUND);
             if background.any() {
-                let sampled = background::sample::<KINDS>(lights, light, n, u1, u2);
+                let sampled = background::sample::<KINDS>(lights, light, at.n, u1, u2);
                 found = LightSample::select(background, sampled, found);
             }
             found
@@ -412,14 +419,13 @@ pub fn sample<const KINDS: u32>(
     }
 }
 
-/// Density with which [`sample`] at `p` finds the point `hit` of `light`, `distance` along the unit
+/// Density with which [`sample`] finds, from the receivers, the point `hit` of `light`, `distance` along the unit
 /// vector `direction`; 0 for point lights. For the background, `hit` and `distance` are not read.
 #[inline(always)]
 pub fn pdf<const KINDS: u32>(
     lights: &LightTable,
     light: U32s,
-    p: Vec3s,
-    n: Vec3s,
+    at: &Receiver,
     hit: Vec3s,
     direction: Vec3s,
     distance: F32s,
@@ -427,9 +433,9 @@ pub fn pdf<const KINDS: u32>(
     let zero = F32s::splat(0.0);
     match KINDS & kinds::ALL & !kinds::MANY {
         kinds::FLAT => pdf_flat::<KINDS>(lights, light, direction, distance),
-        kinds::SPHERE => pdf_sphere::<KINDS>(lights, light, p, hit, direction, distance),
+        kinds::SPHERE => pdf_sphere::<KINDS>(lights, light, at, hit, direction, distance),
         kinds::POINT => zero,
-        kinds::BACKGROUND => pdf_background::<KINDS>(lights, light, n.dot(direction)),
+        kinds::BACKGROUND => pdf_background::<KINDS>(lights, light, at.n.dot(direction)),
         _ => {
             let kind = lights.get_u32::<KINDS>(&lights.kind, light);
             let is = |bit: u32| {
@@ -449,13 +455,13 @@ pub fn pdf<const KINDS: u32>(
             }
             let sphere = is(kinds::SPHERE);
             if sphere.any() {
-                let at = pdf_sphere::<KINDS>(lights, light, p, hit, direction, distance);
-                density = sphere.select(at, density);
+                let pdf = pdf_sphere::<KINDS>(lights, light, at, hit, direction, distance);
+                density = sphere.select(pdf, density);
             }
             let background = is(kinds::BACKGROUND);
             if background.any() {
                 density = background.select(
-                    pdf_background::<KINDS>(lights, light, n.dot(direction)),
+                    pdf_background::<KINDS>(lights, light, at.n.dot(direction)),
                     density,
                 );
             }

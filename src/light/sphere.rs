@@ -10,7 +10,7 @@
 
 use std::f64::consts::PI;
 
-use super::{LightSample, LightTable, Row, SphereLight};
+use super::{LightSample, LightTable, Receiver, Row, SphereLight};
 use crate::math::warp::{uniform_cone, uniform_sphere};
 use crate::math::{Compare, F32s, Frame, Mask, U32s, Vec3s};
 
@@ -44,12 +44,15 @@ struct View {
 
 impl View {
     #[inline(always)]
-    fn new<const KINDS: u32>(lights: &LightTable, light: U32s, p: Vec3s) -> Self {
+    fn new<const KINDS: u32>(lights: &LightTable, light: U32s, at: &Receiver) -> Self {
         let (zero, one) = (F32s::splat(0.0), F32s::splat(1.0));
         let radius = lights.get::<KINDS>(&lights.radius, light);
-        let to_center = lights.get3::<KINDS>(&lights.position, light) - p;
+        let to_center = lights.get3::<KINDS>(&lights.position, light) - at.p;
         let distance2 = to_center.length_squared();
         let sin2_max = radius * radius / distance2;
+        let own = at
+            .primitive
+            .eq(lights.get_u32::<KINDS>(&lights.primitives[0], light));
         let cos_max = (one - sin2_max).fast_max(zero).sqrt();
         Self {
             radius,
@@ -57,7 +60,7 @@ impl View {
             distance2,
             sin2_max,
             one_minus_cos_max: sin2_max / (one + cos_max),
-            outside: sin2_max.lt(one),
+            outside: sin2_max.lt(one) & !own,
             density: lights.get::<KINDS>(&lights.density, light),
         }
     }
@@ -81,12 +84,12 @@ impl View {
 pub(super) fn sample<const KINDS: u32>(
     lights: &LightTable,
     light: U32s,
-    p: Vec3s,
+    at: &Receiver,
     u1: F32s,
     u2: F32s,
 ) -> LightSample {
     let (zero, one) = (F32s::splat(0.0), F32s::splat(1.0));
-    let view = View::new::<KINDS>(lights, light, p);
+    let view = View::new::<KINDS>(lights, light, at);
     let center_distance = view.distance2.sqrt();
     let local = uniform_cone(view.one_minus_cos_max, u1, u2);
     let sin2 = local.x.mul_add(local.x, local.y * local.y);
@@ -122,18 +125,18 @@ pub(super) fn sample<const KINDS: u32>(
     found
 }
 
-/// Density per steradian with which [`super::sample`] at `p` finds the point `hit` of a sphere light,
-/// `distance` along the unit vector `direction`.
+/// Density per steradian with which [`super::sample`] finds, from the receivers, the point `hit` of a
+/// sphere light, `distance` along the unit vector `direction`.
 #[inline(always)]
 pub fn pdf_sphere<const KINDS: u32>(
     lights: &LightTable,
     light: U32s,
-    p: Vec3s,
+    at: &Receiver,
     hit: Vec3s,
     direction: Vec3s,
     distance: F32s,
 ) -> F32s {
-    let view = View::new::<KINDS>(lights, light, p);
+    let view = View::new::<KINDS>(lights, light, at);
     let outward = hit - lights.get3::<KINDS>(&lights.position, light);
     let cos = direction.dot(outward) / view.radius;
     view.outside

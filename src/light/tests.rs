@@ -53,6 +53,15 @@ fn unit(a: [f64; 3]) -> [f64; 3] {
     a.map(|x| x / dot(a, a).sqrt())
 }
 
+/// A receiver in the open.
+fn receiver(p: Vec3s, n: Vec3s) -> Receiver {
+    Receiver {
+        p,
+        n,
+        primitive: U32s::splat(PrimitiveId::NONE),
+    }
+}
+
 /// Estimated irradiance (first channel) at `p` with normal `n`, by light sampling alone; checks that
 /// each sample is well formed and that `pdf` states the density that `sample` used.
 fn irradiance<const KINDS: u32>(
@@ -66,14 +75,22 @@ fn irradiance<const KINDS: u32>(
     let (p, n) = (splat(p), splat(n));
     for _ in 0..samples / LANES {
         let u = [random.lanes(), random.lanes(), random.lanes()];
-        let s = sample::<KINDS>(lights, p, n, u);
+        let s = sample::<KINDS>(lights, &receiver(p, n), u);
         let chosen = if KINDS & kinds::MANY == 0 {
             U32s::splat(0)
         } else {
             lights.choice.choose(u[0])
         };
         let hit = p.add_scaled(s.direction, s.distance);
-        let stated = pdf::<KINDS>(lights, chosen, p, n, hit, s.direction, s.distance).to_array();
+        let stated = pdf::<KINDS>(
+            lights,
+            chosen,
+            &receiver(p, n),
+            hit,
+            s.direction,
+            s.distance,
+        )
+        .to_array();
         let directions = s.direction.to_lanes();
         for lane in 0..LANES {
             let at = |x: F32s| f64::from(x.to_array()[lane]);
@@ -195,9 +212,53 @@ fn irradiance_inside_a_two_sided_sphere_is_pi() {
         e.check(PI, &format!("inside at {p:?}"));
     }
     let one_sided = table(&[Light::Sphere(sphere([0.0; 3], 1.0))]);
-    let s =
-        sample::<{ kinds::SPHERE }>(&one_sided, Vec3s::zero(), splat(UP), [F32s::splat(0.4); 3]);
+    let s = sample::<{ kinds::SPHERE }>(
+        &one_sided,
+        &receiver(Vec3s::zero(), splat(UP)),
+        [F32s::splat(0.4); 3],
+    );
     assert_eq!(s.valid, Mask::NONE);
+}
+
+#[test]
+fn a_sphere_lights_its_own_points_from_within_whatever_side_rounding_put_them_on() {
+    let light = SphereLight {
+        two_sided: true,
+        ..sphere([0.2, -0.1, 0.3], 1.0)
+    };
+    let lights = table(&[Light::Sphere(light)]);
+    let mut random = Uniform::new(47);
+    let inward = unit([-0.3, 0.4, -0.5]);
+    for off in [-1e-6, 0.0, 1e-6] {
+        let p: [f64; 3] = std::array::from_fn(|i| [0.2, -0.1, 0.3][i] - (1.0 + off) * inward[i]);
+        let at = Receiver {
+            primitive: U32s::splat(light.primitive),
+            ..receiver(splat(p), splat(inward))
+        };
+        for _ in 0..1000 / LANES {
+            let u = [random.lanes(), random.lanes(), random.lanes()];
+            let s = sample::<{ kinds::SPHERE }>(&lights, &at, u);
+            // Area sampling of a sphere from a point on it: 1/(4πR²)·d²/cos = d/(2·4π·R/2·R).
+            let hit = at.p.add_scaled(s.direction, s.distance);
+            let stated = pdf::<{ kinds::SPHERE }>(
+                &lights,
+                U32s::splat(0),
+                &at,
+                hit,
+                s.direction,
+                s.distance,
+            );
+            for lane in 0..LANES {
+                let [d, pdf, stated] =
+                    [s.distance, s.pdf, stated].map(|x| f64::from(x.to_array()[lane]));
+                let expected = d / (2.0 * PI);
+                // Rounding matters where the point sampled is the point itself.
+                let tolerance = expected * (1e-4 + 1e-5 / (d * d));
+                assert!((pdf - expected).abs() < tolerance, "{pdf} at {d}");
+                assert!((stated - expected).abs() < tolerance, "{stated} at {d}");
+            }
+        }
+    }
 }
 
 #[test]
@@ -208,7 +269,11 @@ fn point_light_gives_inverse_square_irradiance_as_a_delta() {
     })]);
     assert_eq!(lights.kinds(), kinds::POINT);
     irradiance::<{ kinds::POINT }>(&lights, [0.0; 3], UP, LANES).check(50.0 / 25.0 * 0.8, "point");
-    let s = sample::<{ kinds::POINT }>(&lights, Vec3s::zero(), splat(UP), [F32s::splat(0.0); 3]);
+    let s = sample::<{ kinds::POINT }>(
+        &lights,
+        &receiver(Vec3s::zero(), splat(UP)),
+        [F32s::splat(0.0); 3],
+    );
     assert_eq!(
         (s.delta, s.primitive.to_array()[0]),
         (Mask::ALL, PrimitiveId::NONE)
@@ -216,8 +281,7 @@ fn point_light_gives_inverse_square_irradiance_as_a_delta() {
     assert_eq!((s.pdf.to_array()[0], s.distance.to_array()[0]), (1.0, 5.0));
     let at = sample::<{ kinds::POINT }>(
         &lights,
-        splat([3.0, 0.0, 4.0]),
-        splat(UP),
+        &receiver(splat([3.0, 0.0, 4.0]), splat(UP)),
         [F32s::splat(0.0); 3],
     );
     assert_eq!(at.valid, Mask::NONE);
@@ -255,8 +319,7 @@ fn check_directions<const KINDS: u32>(
     for _ in 0..300_000 / LANES {
         let s = sample::<KINDS>(
             &lights,
-            point,
-            n,
+            &receiver(point, n),
             [random.lanes(), random.lanes(), random.lanes()],
         );
         counts.add(s.direction, s.valid);
@@ -265,7 +328,14 @@ fn check_directions<const KINDS: u32>(
         let distances = d.to_lanes().map(|d| hit(d).map_or(-1.0, |t| t as f32));
         let distance = F32s::from(distances);
         let at = point.add_scaled(d, distance);
-        let pdf = pdf::<KINDS>(&lights, U32s::splat(0), point, n, at, d, distance);
+        let pdf = pdf::<KINDS>(
+            &lights,
+            U32s::splat(0),
+            &receiver(point, n),
+            at,
+            d,
+            distance,
+        );
         distance.gt(F32s::splat(0.0)).select(pdf, F32s::splat(0.0))
     };
     let integral = counts.check(&density, what);
@@ -472,8 +542,8 @@ fn kernels_for_more_kinds_give_the_same_bits() {
             let u = [random.lanes(), random.lanes(), random.lanes()];
             let p = Vec3s::new(random.lanes(), random.lanes(), random.lanes());
             let (one, all) = (
-                sample::<KINDS>(&lights, p, splat(UP), u),
-                sample::<{ kinds::ALL }>(&lights, p, splat(UP), u),
+                sample::<KINDS>(&lights, &receiver(p, splat(UP)), u),
+                sample::<{ kinds::ALL }>(&lights, &receiver(p, splat(UP)), u),
             );
             assert_eq!(bits(&one), bits(&all));
             let hit = p.add_scaled(one.direction, one.distance);
@@ -481,8 +551,7 @@ fn kernels_for_more_kinds_give_the_same_bits() {
                 pdf::<KINDS>(
                     &lights,
                     U32s::splat(0),
-                    p,
-                    splat(UP),
+                    &receiver(p, splat(UP)),
                     hit,
                     one.direction,
                     one.distance,
@@ -490,8 +559,7 @@ fn kernels_for_more_kinds_give_the_same_bits() {
                 pdf::<{ kinds::ALL }>(
                     &lights,
                     U32s::splat(0),
-                    p,
-                    splat(UP),
+                    &receiver(p, splat(UP)),
                     hit,
                     one.direction,
                     one.distance,
@@ -530,8 +598,7 @@ fn samples_name_the_triangle_that_holds_them() {
     let mut random = Uniform::new(45);
     let s = sample::<{ kinds::FLAT }>(
         &lights,
-        Vec3s::zero(),
-        splat(UP),
+        &receiver(Vec3s::zero(), splat(UP)),
         [random.lanes(), random.lanes(), random.lanes()],
     );
     let hits = Vec3s::zero().add_scaled(s.direction, s.distance).to_lanes();
@@ -545,8 +612,7 @@ fn samples_name_the_triangle_that_holds_them() {
     })]);
     let s = sample::<{ kinds::FLAT }>(
         &triangle,
-        Vec3s::zero(),
-        splat(UP),
+        &receiver(Vec3s::zero(), splat(UP)),
         [random.lanes(), random.lanes(), random.lanes()],
     );
     assert_eq!(s.primitive.to_array(), [4; LANES]);
@@ -563,7 +629,7 @@ fn one_sided_lights_are_dark_behind() {
         };
         assert_eq!(emitted(0.5), [1.0; 3]);
         assert_eq!(emitted(-0.5), [if flat.two_sided { 1.0 } else { 0.0 }; 3]);
-        sample::<{ kinds::FLAT }>(&lights, Vec3s::zero(), splat(UP), u).valid
+        sample::<{ kinds::FLAT }>(&lights, &receiver(Vec3s::zero(), splat(UP)), u).valid
     };
     assert_eq!(valid(flat), Mask::NONE);
     flat.two_sided = true;
@@ -576,7 +642,7 @@ fn samples_are_sound_at_the_ends_of_the_unit_interval() {
     let all = table(&mixed());
     for i in 0..64 {
         let u = [ENDS[i % 4], ENDS[i / 4 % 4], ENDS[i / 16]].map(F32s::splat);
-        let s = sample::<{ kinds::ALL }>(&all, splat([0.1, 0.2, 0.0]), splat(UP), u);
+        let s = sample::<{ kinds::ALL }>(&all, &receiver(splat([0.1, 0.2, 0.0]), splat(UP)), u);
         let direction = s.direction.to_lanes()[0];
         assert!(
             (dot(direction, direction) - 1.0).abs() < 2e-6,

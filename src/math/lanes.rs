@@ -525,13 +525,13 @@ mod tests {
         a[2] = f32::INFINITY;
         let b = F32s::splat(2.0);
         let va = F32s::from(a);
-        for (lane, a) in a.into_iter().enumerate() {
-            assert_eq!(va.lt(b).test(lane), a < 2.0);
-            assert_eq!(va.le(b).test(lane), a <= 2.0);
-            assert_eq!(va.gt(b).test(lane), a > 2.0);
-            assert_eq!(va.ge(b).test(lane), a >= 2.0);
-            assert_eq!(Compare::eq(va, b).test(lane), a == 2.0);
-            assert_eq!(Compare::ne(va, b).test(lane), a != 2.0);
+        for (lane, &x) in a.iter().enumerate() {
+            assert_eq!(va.lt(b).test(lane), x < 2.0);
+            assert_eq!(va.le(b).test(lane), x <= 2.0);
+            assert_eq!(va.gt(b).test(lane), x > 2.0);
+            assert_eq!(va.ge(b).test(lane), x >= 2.0);
+            assert_eq!(Compare::eq(va, b).test(lane), x == 2.0);
+            assert_eq!(Compare::ne(va, b).test(lane), x != 2.0);
         }
     }
 

@@ -63,18 +63,17 @@ impl Pcg32s {
     #[inline(always)]
     pub fn for_paths(seed: u64, pixel: U32s, first_sample: u64, sample: U32s) -> Self {
         let key = u64x8::splat(seed_key(seed));
-        let state = std::array::from_fn(|r| {
-            let lane = |lanes: &U32s| {
-                let lanes = lanes.to_array();
-                u64x8::from(std::array::from_fn::<u64, 8, _>(|i| {
-                    u64::from(lanes[8 * r + i])
-                }))
-            };
-            let s = lane(&sample) + u64x8::splat(first_sample);
-            let start = mix(key ^ (lane(&pixel) << 32) ^ mix(s ^ (s >> 32)));
+        let widen = |lanes: U32s| -> [u64x8; REGISTERS] {
+            bytemuck::cast::<U32s, [[u32; 8]; REGISTERS]>(lanes).map(|r| r.map(u64::from).into())
+        };
+        let mut state = widen(sample);
+        for (state, pixel) in state.iter_mut().zip(widen(pixel)) {
+            let sample = *state + u64x8::splat(first_sample);
+            let start = mix(key ^ (pixel << 32) ^ mix(sample ^ (sample >> 32)));
             // As `Pcg32::new` does: add the increment, then one step.
-            (start + u64x8::splat(INCREMENT)) * u64x8::splat(MULTIPLIER) + u64x8::splat(INCREMENT)
-        });
+            *state = (start + u64x8::splat(INCREMENT)) * u64x8::splat(MULTIPLIER)
+                + u64x8::splat(INCREMENT);
+        }
         Self { state }
     }
 

@@ -6,9 +6,7 @@ use crate::accel::{HitBatch, RayBatch};
 use crate::compile::{CompiledScene, PrimitiveClass};
 use crate::geometry::spawn_origin;
 use crate::material::{Dielectric, Material, MaterialKind};
-use crate::math::lanes::{
-    F32s, LANES, Mask, U32s, iota, load, load_u32, store, store_u32,
-};
+use crate::math::lanes::{F32s, LANES, Mask, U32s, iota, load, load_u32, store, store_u32};
 use crate::math::{Compare, Vec3s};
 use crate::wave::{Wave, add_radiance};
 

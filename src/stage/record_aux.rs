@@ -3,8 +3,8 @@
 use super::surface::{gather_rays, surface};
 use crate::compile::{CompiledScene, WorkItem};
 use crate::geometry::PrimitiveId;
-use crate::math::Compare;
 use crate::math::lanes::{LANES, Mask, U32s, iota, load, load_u32};
+use crate::math::{Compare, F32s, Vec3s};
 use crate::wave::{Wave, state};
 
 /// Adds albedo, normal and depth of the camera rays' hits to their pixels.
@@ -21,16 +21,18 @@ pub(super) fn record_aux<const F: u32>(scene: &CompiledScene, item: &WorkItem, w
         let (origin, direction) = gather_rays(&wave.rays, U32s::splat(at as u32) + iota());
         let t = load(&wave.hits.t, at);
         let (_, normal) = surface::<F>(scene, primitive, origin, direction, t);
-        let flip = normal.dot(direction).to_array();
-        let normal = [normal.x, normal.y, normal.z].map(|c| c.to_array());
+        let behind = normal.dot(direction).gt(F32s::splat(0.0));
+        let normal = Vec3s::select(behind, -normal, normal);
+        let normal = [normal.x, normal.y, normal.z].map(F32s::to_array);
         let path = load_u32(&wave.rays.path, at).to_array();
         for lane in first.lanes() {
             let sums = &mut wave.aux[(path[lane] / item.samples) as usize];
             let material = scene.surfaces.material[primitive.as_array()[lane] as usize];
-            let side = if flip[lane] > 0.0 { -1.0 } else { 1.0 };
-            for c in 0..3 {
-                sums.albedo[c] += f64::from(scene.albedo[material as usize][c]);
-                sums.normal[c] += f64::from(side * normal[c][lane]);
+            for (sum, albedo) in sums.albedo.iter_mut().zip(scene.albedo[material as usize]) {
+                *sum += f64::from(albedo);
+            }
+            for (sum, normal) in sums.normal.iter_mut().zip(&normal) {
+                *sum += f64::from(normal[lane]);
             }
             sums.depth += f64::from(t.as_array()[lane]);
         }

@@ -6,10 +6,11 @@ use super::emission::has;
 use super::surface::{gather_rays, gather_throughput, material, surface};
 use crate::compile::{CompiledScene, Features, WorkItem};
 use crate::geometry::{SurfacePoint, spawn_origin};
-use crate::light;
+use crate::light::{self, Receiver};
 use crate::material::{BsdfSample, Material};
 use crate::math::lanes::{
-    F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, gather_u64, load_u32, store, store_u32,
+    F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, gather_u64, load_u32,
+    store, store_u32,
 };
 use crate::math::{Compare, Frame, Vec3s, mis};
 use crate::sampler::{BOUNCE_DIMENSIONS, CAMERA_DIMENSIONS, Dimension, Pcg32s, Strata};
@@ -97,7 +98,14 @@ pub(super) fn shade<M: Material, const F: u32>(
                 Branch::Sampled => {
                     let sample = M::sample(&params, hits.wo, direction_numbers(&hits, strata));
                     let random = hits.random;
-                    continue_path::<M, F>(scene, &hits, &sample, random, hits.state, &mut wave.next);
+                    continue_path::<M, F>(
+                        scene,
+                        &hits,
+                        &sample,
+                        random,
+                        hits.state,
+                        &mut wave.next,
+                    );
                 }
                 Branch::First | Branch::Second => {
                     follow_split::<M, F>(scene, &hits, strata, &params, branch, &mut wave.next);
@@ -187,20 +195,28 @@ fn sample_light<M: Material, const F: u32>(
         let u = random.next_f32();
         strata.pair(Dimension::LightPoint, [u, random.next_f32()])
     };
-    let sample = light::sample::<F>(&scene.lights, hits.point.p, hits.normal, [choice, u, v]);
+    let receiver = Receiver {
+        p: hits.point.p,
+        n: hits.normal,
+        primitive: hits.primitive,
+    };
+    let sample = light::sample::<F>(&scene.lights, &receiver, [choice, u, v]);
     let mut valid = hits.active & sample.valid;
     if scene.strategy == Strategy::Bsdf && !scene.on::<F>(Features::WHITTED) {
         // Every other light is found by hitting it.
         valid = valid & sample.delta;
     }
     let (value, pdf) = M::eval(params, hits.wo, hits.frame.to_local(sample.direction));
-    let mut weight = F32s::splat(1.0);
-    if scene.on::<F>(Features::MIS) {
-        weight = sample
+    // Weight over density; the weight of a delta light is 1.
+    let alone = F32s::splat(1.0) / sample.pdf;
+    let over_pdf = if scene.on::<F>(Features::MIS) {
+        sample
             .delta
-            .select(weight, mis::power_heuristic(sample.pdf, pdf));
-    }
-    let incoming = sample.radiance * (weight / sample.pdf);
+            .select(alone, mis::power_heuristic_over_pdf(sample.pdf, pdf))
+    } else {
+        alone
+    };
+    let incoming = sample.radiance * over_pdf;
     let radiance = hits.throughput.mul_elem(value).mul_elem(incoming);
     let brings = valid & radiance.max_elem().gt(F32s::splat(0.0));
     if brings.none() {
@@ -224,7 +240,7 @@ fn sample_light<M: Material, const F: u32>(
     compress(&mut shadows.radiance_b, at, brings, radiance.z);
     compress_u32(&mut shadows.path, at, brings, hits.path);
     if scene.on::<F>(Features::TRANSPARENT_SHADOWS) {
-        compress(&mut shadows.weight, at, brings, weight);
+        compress(&mut shadows.weight, at, brings, over_pdf * sample.pdf);
     }
     shadows.len += brings.count();
     count_depths(&mut wave.counters.shadow_rays, hits.state, brings);
@@ -252,7 +268,14 @@ fn follow_split<M: Material, const F: u32>(
             valid: second.valid & may_split,
             ..second
         };
-        continue_path::<M, F>(scene, hits, &second, hits.random.branch(), split_state, next);
+        continue_path::<M, F>(
+            scene,
+            hits,
+            &second,
+            hits.random.branch(),
+            split_state,
+            next,
+        );
         return;
     }
     let sampled = M::sample(params, hits.wo, direction_numbers(hits, strata));

@@ -3,7 +3,7 @@
 use super::emission::{emission_counts, is_specular};
 use super::surface::{gather_rays, gather_throughput, surface};
 use crate::compile::{CompiledScene, Features};
-use crate::light;
+use crate::light::{self, Receiver};
 use crate::math::lanes::{F32s, LANES, Mask, gather, gather_u32, load_u32};
 use crate::math::{Vec3s, mis};
 use crate::wave::{Wave, add_radiance};
@@ -26,8 +26,13 @@ pub(super) fn shade_emission<const F: u32>(scene: &CompiledScene, wave: &mut Wav
         let (point, normal) = surface::<F>(scene, primitive, origin, direction, t);
         let mut weight = F32s::splat(1.0);
         if scene.on::<F>(Features::MIS) {
-            let light_pdf =
-                light::pdf::<F>(&scene.lights, light, origin, point.p, normal, direction, t);
+            let receiver = Receiver {
+                p: origin,
+                // Read for the background alone, which is not hit here.
+                n: normal,
+                primitive: gather_u32(&rays.skip, ray),
+            };
+            let light_pdf = light::pdf::<F>(&scene.lights, light, &receiver, point.p, direction, t);
             let shared = mis::power_heuristic(gather(&rays.pdf, ray), light_pdf);
             weight = is_specular(ray_state).select(weight, shared);
         }

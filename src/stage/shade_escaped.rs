@@ -18,7 +18,8 @@ pub(super) fn shade_escaped<const F: u32>(scene: &CompiledScene, wave: &mut Wave
         let mut weight = F32s::splat(1.0);
         if scene.on::<F>(Features::MIS) {
             let light = U32s::splat(scene.lights.background().unwrap_or(0));
-            let light_pdf = light::pdf_background::<F>(&scene.lights, light, gather(&rays.cosine, ray));
+            let light_pdf =
+                light::pdf_background::<F>(&scene.lights, light, gather(&rays.cosine, ray));
             let shared = mis::power_heuristic(gather(&rays.pdf, ray), light_pdf);
             weight = is_specular(ray_state).select(weight, shared);
         }

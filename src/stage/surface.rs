@@ -61,8 +61,7 @@ pub(super) fn surface<const F: u32>(
     };
     let triangle = || {
         let [a, b, c] = &surfaces.corners;
-        let corners =
-            [a, b, c].map(|corner| look_up3(corner, primitive));
+        let corners = [a, b, c].map(|corner| look_up3(corner, primitive));
         (
             triangle_point(origin, direction, corners),
             look_up3(&surfaces.normal, primitive),

@@ -127,14 +127,14 @@ macro_rules! soa {
                     len: 0,
                     $($field: $crate::wave::soa::Column::new(
                         capacity,
-                        features.intersects(soa!(@needs $($needs)?)),
+                        features.require(soa!(@needs $($needs)?)),
                     ),)*
                 }
             }
 
             /// Bytes per item with these features.
             pub fn bytes_per_item(features: $crate::compile::Features) -> usize {
-                Self::COLUMNS.iter().filter(|c| features.intersects(c.needs)).map(|c| c.bytes).sum()
+                Self::COLUMNS.iter().filter(|c| features.require(c.needs)).map(|c| c.bytes).sum()
             }
 
             /// Appends the lanes of `mask` of `from`'s items `source ..` in order, without gaps.
@@ -152,6 +152,7 @@ macro_rules! soa {
 pub(crate) use soa;
 
 #[cfg(test)]
+#[allow(unreachable_pub, reason = "the macro declares public queues")]
 mod tests {
     use super::*;
     use crate::compile::Features;
@@ -175,6 +176,9 @@ mod tests {
         assert_eq!(Sample::bytes_per_item(lean), 12);
         assert_eq!(Sample::bytes_per_item(full), 16);
         assert!(Sample::new(100, lean).sometimes.is_absent());
+        // A scene that needs nothing still has rays.
+        assert_eq!(Sample::bytes_per_item(Features::default()), 12);
+        assert!(!Sample::new(100, Features::default()).always.is_absent());
         let mut from = Sample::new(100, full);
         for i in 0..100 {
             from.always[i] = i as f32;

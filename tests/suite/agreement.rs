@@ -7,7 +7,7 @@ use wavepath::scene::{
     AccelKind, Budget, IntegratorKind, RenderSettings, SamplerKind, SceneDescription, Strategy,
 };
 
-use crate::support::{load, picture, scene_files};
+use crate::support::{estimate, load, picture, scene_files};
 use crate::ztest::{ImageEstimate, compare};
 
 const SIZE: [u32; 2] = [24, 24];
@@ -18,26 +18,22 @@ const SAMPLES: u64 = 128;
 const FALSE_ALARM: f64 = 1e-4;
 
 fn render(scene: &SceneDescription, camera: usize, settings: &RenderSettings) -> ImageEstimate {
-    let film = picture(scene, camera, SIZE, settings).film;
-    ImageEstimate {
-        width: film.width() as usize,
-        height: film.height() as usize,
-        mean: (0..film.len()).map(|p| film.mean(p)).collect(),
-        variance_of_mean: (0..film.len())
-            .map(|p| film.variance(p).expect("several blocks"))
-            .collect(),
-    }
+    estimate(&picture(scene, camera, SIZE, settings).film)
 }
 
 /// The reference's picture; where nothing is biased, it is the same for every strategy.
 fn reference(scene: &SceneDescription, camera: usize, settings: &RenderSettings) -> ImageEstimate {
-    let settings = RenderSettings { seed: 77, ..settings.clone() };
+    let settings = RenderSettings {
+        seed: 77,
+        ..settings.clone()
+    };
     let [width, height] = SIZE;
-    let reference =
-        Reference::new(scene, camera, width, height, &settings).expect("a sound scene");
+    let reference = Reference::new(scene, camera, width, height, &settings).expect("a sound scene");
     let mut counts = RayCounts::default();
     ImageEstimate::from_samples(SIZE.map(|n| n as usize), SAMPLES, |x, y, sample| {
-        reference.sample(x as u32, y as u32, sample, &mut counts).to_array()
+        reference
+            .sample(x as u32, y as u32, sample, &mut counts)
+            .to_array()
     })
 }
 
@@ -53,8 +49,18 @@ fn combinations(base: &RenderSettings) -> Vec<RenderSettings> {
         for sampler in [SamplerKind::Independent, SamplerKind::Stratified] {
             for accel in [AccelKind::Linear, AccelKind::Bvh2, AccelKind::Bvh8] {
                 // Strata need blocks to fill; independent samples give the best variance one by one.
-                let block = if sampler == SamplerKind::Stratified { 8 } else { 1 };
-                all.push(RenderSettings { strategy, sampler, accel, block, ..base.clone() });
+                let block = if sampler == SamplerKind::Stratified {
+                    8
+                } else {
+                    1
+                };
+                all.push(RenderSettings {
+                    strategy,
+                    sampler,
+                    accel,
+                    block,
+                    ..base.clone()
+                });
             }
         }
     }
@@ -78,9 +84,18 @@ fn check_scenes(part: usize, of: usize, integrator: IntegratorKind) {
                 continue;
             }
             // The strategies of a biased picture differ in what they leave out.
-            let slot = if base.transparent_shadows { settings.strategy as usize } else { 0 };
-            let expected = reference_of[slot].get_or_insert_with(|| reference(&scene, 0, &settings));
-            check(&render(&scene, 0, &settings), expected, &format!("{name}, {settings:?}"));
+            let slot = if base.transparent_shadows {
+                settings.strategy as usize
+            } else {
+                0
+            };
+            let expected =
+                reference_of[slot].get_or_insert_with(|| reference(&scene, 0, &settings));
+            check(
+                &render(&scene, 0, &settings),
+                expected,
+                &format!("{name}, {settings:?}"),
+            );
         }
     }
 }
@@ -103,15 +118,30 @@ fn whitted_agrees_on_every_scene() {
 #[test]
 fn the_camera_on_the_edge_of_the_room_agrees_and_shows_no_line() {
     let scene = load("hexroom.toml");
-    let camera = scene.cameras.iter().position(|c| c.name == "2").expect("camera 2");
+    let camera = scene
+        .cameras
+        .iter()
+        .position(|c| c.name == "2")
+        .expect("camera 2");
     let settings = RenderSettings {
         budget: Budget::Samples(SAMPLES),
         block: 1,
         ..RenderSettings::from_defaults(&scene.render)
     };
     for accel in [AccelKind::Linear, AccelKind::Bvh2, AccelKind::Bvh8] {
-        let ours = render(&scene, camera, &RenderSettings { accel, ..settings.clone() });
-        check(&ours, &reference(&scene, camera, &settings), &format!("{accel:?}"));
+        let ours = render(
+            &scene,
+            camera,
+            &RenderSettings {
+                accel,
+                ..settings.clone()
+            },
+        );
+        check(
+            &ours,
+            &reference(&scene, camera, &settings),
+            &format!("{accel:?}"),
+        );
     }
 }
 
@@ -128,7 +158,11 @@ fn depth_limits_mean_the_same_to_both() {
                 ..RenderSettings::from_defaults(&scene.render)
             };
             let label = format!("{integrator:?} at depth {depth}");
-            check(&render(&scene, 0, &settings), &reference(&scene, 0, &settings), &label);
+            check(
+                &render(&scene, 0, &settings),
+                &reference(&scene, 0, &settings),
+                &label,
+            );
         }
     }
 }

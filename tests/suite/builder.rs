@@ -219,3 +219,69 @@ impl SceneBuilder {
         self.0.clone()
     }
 }
+
+/// A closed room that emits 1 everywhere, a cube or a sphere, seen from within: radiance is the same
+/// everywhere (a furnace). A ray that leaks finds a background of 1e9.
+pub(crate) fn glowing_room(
+    bsdf: BsdfDescription,
+    size: f64,
+    place: DVec3,
+    is_sphere: bool,
+) -> SceneBuilder {
+    let mut scene = SceneBuilder::new();
+    let wall = scene.two_sided(bsdf, 1.0);
+    let turn = glam::DQuat::from_scaled_axis(DVec3::new(0.3, 1.1, -0.7));
+    let eye = if is_sphere {
+        scene.sphere(place.into(), size, wall);
+        place + DVec3::splat(0.2) * size
+    } else {
+        scene.skew_cube(size, place, wall);
+        place + turn * DVec3::splat(0.4) * size
+    };
+    let at = eye + DVec3::new(0.3, -0.5, 0.7) * size;
+    scene.window(eye.into(), at.into(), [size, 0.0, 0.0], [0.0, -size, 0.0]);
+    scene.background(1e9);
+    scene
+}
+
+/// A box of many materials with every kind of light, seen from within.
+pub(crate) fn busy_room() -> SceneBuilder {
+    let mut scene = SceneBuilder::new();
+    let reflectance = DVec3::new(0.8, 0.6, 0.3);
+    let white = scene.matter(lambertian(0.7));
+    let rough = scene.matter(BsdfDescription::OrenNayar {
+        reflectance,
+        sigma: 0.5,
+    });
+    let glossy = scene.matter(BsdfDescription::Phong {
+        reflectance,
+        exponent: 8.0,
+    });
+    let silver = scene.matter(mirror(0.9));
+    let clear = scene.matter(glass(1.5));
+    let lamp = scene.one_sided(lambertian(0.2), 4.0);
+    let bulb = scene.one_sided(BsdfDescription::Black, 6.0);
+    scene.floor(2.0, 0.0, white);
+    scene.ceiling(2.0, 3.0, rough);
+    scene.ceiling(1.0, 2.9, lamp);
+    let wall = |scene: &mut SceneBuilder, a: [f64; 2], b: [f64; 2], material: MaterialId| {
+        let corners = [(a, 0.0), (b, 0.0), (b, 3.0), (a, 3.0)].map(|([x, y], z)| [x, y, z]);
+        scene.quad(corners, material);
+    };
+    wall(&mut scene, [-2.0, -2.0], [2.0, -2.0], glossy);
+    wall(&mut scene, [2.0, -2.0], [2.0, 2.0], white);
+    wall(&mut scene, [2.0, 2.0], [-2.0, 2.0], rough);
+    // The fourth wall is open to the sky.
+    scene.background(0.3);
+    scene.sphere([0.8, 0.9, 0.8], 0.5, clear);
+    scene.sphere([0.5, -0.8, 0.7], 0.6, silver);
+    scene.sphere([1.2, 0.2, 2.2], 0.3, bulb);
+    scene.point_light([-0.5, 1.0, 1.5], 2.0);
+    scene.window(
+        [-2.5, 0.0, 1.5],
+        [-1.5, 1.0, 2.5],
+        [0.0, -2.0, 0.0],
+        [0.0, 0.0, -2.0],
+    );
+    scene
+}

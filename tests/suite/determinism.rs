@@ -102,7 +102,7 @@ fn the_image_is_bit_identical_for_any_number_of_threads() {
 fn the_image_is_bit_identical_for_any_wave_size() {
     for (scene, settings) in cases() {
         let reference = bits(scene, &settings);
-        for wave in [1, 64, 1000, 16_384] {
+        for wave in [1, 64, 1000, 1024, 16_384] {
             let other = bits(
                 scene,
                 &RenderSettings {

@@ -1,8 +1,15 @@
 //! Closed rooms of which the radiance is known.
 
-use wavepath::scene::{Budget, RenderSettings, Strategy};
+use glam::DVec3;
+use wavepath::integrator::Outcome;
+use wavepath::scene::{
+    Budget, EmissionDescription, RenderSettings, SamplerKind, SceneDescription, Strategy,
+};
 
-use crate::support::{image_mean, parse, picture};
+use crate::builder::{glowing_room, lambertian};
+use crate::oracles;
+use crate::renderer::{STRUCTURES, path};
+use crate::support::{image_mean, load, parse, picture};
 
 /// A box whose walls have `bsdf` and emit `emission`, seen from inside, with `inside` in it.
 fn room(bsdf: &str, emission: f64, inside: &str) -> String {
@@ -153,6 +160,101 @@ fn depth_counts_segments_in_every_strategy() {
                 (mean - expected).abs() <= 4.0 * error + 1e-5,
                 "{strategy:?} at depth {depth}: {mean} ± {error}, not {expected}"
             );
+        }
+    }
+}
+
+/// Asserts that every pixel is Σ ρ^k, k < depth, for emission 1, but for rounding.
+#[track_caller]
+fn assert_uniform(outcome: &Outcome, albedo: f64, depth: u32, label: &str) {
+    let expected = oracles::furnace(albedo, depth - 1);
+    for pixel in 0..outcome.film.len() {
+        for value in outcome.film.mean(pixel) {
+            assert!(
+                (value - expected).abs() <= 1e-5 * expected,
+                "{label}: pixel {pixel} is {value}, not {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_furnace_is_exact_at_any_size_and_place_in_every_structure() {
+    let sizes = [1e-12, 1e-6, 1e-3, 1.0, 1e3, 1e7, 1e18].map(|size| (size, DVec3::ZERO));
+    let places = [1e3, 1e4, 1e5, 1e6].map(|far| (1.0, DVec3::new(far, -0.3 * far, 0.7 * far)));
+    for (size, place) in sizes.into_iter().chain(places) {
+        for is_sphere in [false, true] {
+            let scene = glowing_room(lambertian(0.5), size, place, is_sphere).build();
+            for accel in STRUCTURES {
+                let settings = RenderSettings {
+                    accel,
+                    budget: Budget::Samples(8),
+                    ..path(Strategy::Bsdf, 20)
+                };
+                let outcome = picture(&scene, 0, [16, 16], &settings);
+                let label = format!("size {size} at {place}, sphere {is_sphere}, {accel:?}");
+                assert_uniform(&outcome, 0.5, 20, &label);
+            }
+        }
+    }
+}
+
+/// The hexagonal room with all that is in it, of which everything emits 1 and reflects one half.
+fn glowing_hexagonal_room() -> SceneDescription {
+    let mut scene = load("hexroom.toml");
+    for material in &mut scene.materials {
+        material.bsdf = lambertian(0.5);
+        material.emission = Some(EmissionDescription {
+            radiance: DVec3::ONE,
+            two_sided: true,
+        });
+    }
+    scene.background = DVec3::splat(1e9);
+    scene
+}
+
+#[test]
+fn the_hexagonal_room_as_a_furnace_shows_no_leak_and_no_line_from_its_edge() {
+    let scene = glowing_hexagonal_room();
+    for accel in STRUCTURES {
+        let settings = RenderSettings {
+            accel,
+            budget: Budget::Samples(2),
+            ..path(Strategy::Bsdf, 12)
+        };
+        for (camera, view) in scene.cameras.iter().enumerate() {
+            let outcome = picture(&scene, camera, [200, 200], &settings);
+            assert_uniform(
+                &outcome,
+                0.5,
+                12,
+                &format!("camera {}, {accel:?}", view.name),
+            );
+        }
+    }
+}
+
+#[test]
+fn the_hexagonal_room_as_a_furnace_keeps_its_mean_when_its_lights_are_sampled() {
+    // Triangles, parallelograms and spheres seen from outside light one another and themselves.
+    let mut scene = glowing_hexagonal_room();
+    scene.background = DVec3::ZERO;
+    for strategy in [Strategy::Mis, Strategy::Nee] {
+        for sampler in [SamplerKind::Independent, SamplerKind::Stratified] {
+            let settings = RenderSettings {
+                sampler,
+                threads: 2,
+                ..path(strategy, 12)
+            };
+            for camera in 0..scene.cameras.len() {
+                let outcome = picture(&scene, camera, [32, 32], &settings);
+                let expected = oracles::furnace(0.5, 11);
+                let (mean, error) = image_mean(&outcome)[0];
+                assert!(
+                    (mean - expected).abs() <= 4.0 * error + 1e-5,
+                    "{strategy:?}, {sampler:?}, camera {camera}: {mean} ± {error}, not {expected}"
+                );
+            }
         }
     }
 }

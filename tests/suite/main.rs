@@ -1,11 +1,16 @@
 //! The integration tests, as one binary.
 
 mod agreement;
+mod auxiliary;
 mod builder;
 mod cli;
+mod closed_forms;
 mod determinism;
+mod extremes;
+mod features;
 mod furnace;
 mod oracles;
-mod reference_closed_forms;
+mod reference;
+mod renderer;
 mod support;
 mod ztest;

@@ -4,8 +4,11 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use wavepath::compile::compile;
+use wavepath::film::Film;
 use wavepath::integrator::{Outcome, render};
 use wavepath::scene::{self, RenderSettings, SceneDescription};
+
+use crate::ztest::ImageEstimate;
 
 /// The folder of the repository's scenes.
 pub(crate) fn scenes() -> PathBuf {
@@ -47,6 +50,18 @@ pub(crate) fn picture(
         .unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(outcome.stats.rejected, 0, "unsound contributions");
     outcome
+}
+
+/// Every pixel's mean and the variance of that mean; the film must hold several blocks.
+pub(crate) fn estimate(film: &Film) -> ImageEstimate {
+    ImageEstimate {
+        width: film.width() as usize,
+        height: film.height() as usize,
+        mean: (0..film.len()).map(|p| film.mean(p)).collect(),
+        variance_of_mean: (0..film.len())
+            .map(|p| film.variance(p).expect("several blocks"))
+            .collect(),
+    }
 }
 
 /// Mean radiance of the whole image and its standard error, per channel, from the spread of the

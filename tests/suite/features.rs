@@ -1,0 +1,248 @@
+//! What a scene does not need is not there: no queue, no column, no stage, no time.
+
+use wavepath::compile::compile;
+use wavepath::integrator::plan::{Plan, QueuePlan};
+use wavepath::integrator::stats::RenderStats;
+use wavepath::scene::{
+    AccelKind, BsdfDescription, Budget, RenderSettings, SamplerKind, SceneDescription, Strategy,
+};
+
+use crate::builder::{SceneBuilder, glass, lambertian, mirror};
+use crate::renderer::{endless, path, whitted};
+use crate::support::picture;
+
+fn plan(scene: &SceneDescription, settings: &RenderSettings) -> Plan {
+    let compiled = compile(scene, 0, 16, 16, settings).expect("the scene is sound");
+    Plan::new(&compiled, settings)
+}
+
+fn stats(scene: &SceneDescription, settings: &RenderSettings) -> RenderStats {
+    let settings = RenderSettings {
+        budget: Budget::Samples(4),
+        ..settings.clone()
+    };
+    picture(scene, 0, [16, 16], &settings).stats
+}
+
+/// A floor of this material, seen from above.
+fn bare_floor(bsdf: BsdfDescription) -> SceneBuilder {
+    let mut scene = SceneBuilder::new();
+    let floor = scene.matter(bsdf);
+    scene.floor(1.0, 0.0, floor);
+    scene.aim([0.3, 0.2, 2.0], [0.0; 3]);
+    scene
+}
+
+/// Adds what brings one feature with it.
+type Addition = fn(&mut SceneBuilder);
+
+#[test]
+fn each_feature_is_named_and_costs_bytes_only_where_it_is_needed() {
+    let additions: [(&str, Addition); 9] = [
+        ("spheres", |s| {
+            let black = s.matter(BsdfDescription::Black);
+            s.sphere([0.5; 3], 0.1, black);
+        }),
+        ("glass", |s| {
+            let clear = s.matter(glass(1.5));
+            s.floor(0.1, 0.5, clear);
+        }),
+        ("mirrors", |s| {
+            let silver = s.matter(mirror(0.5));
+            s.floor(0.1, 0.5, silver);
+        }),
+        ("Oren–Nayar surfaces", |s| {
+            let reflectance = glam::DVec3::splat(0.5);
+            let rough = s.matter(BsdfDescription::OrenNayar {
+                reflectance,
+                sigma: 0.3,
+            });
+            s.floor(0.1, 0.5, rough);
+        }),
+        ("Phong surfaces", |s| {
+            let reflectance = glam::DVec3::splat(0.5);
+            let glossy = s.matter(BsdfDescription::Phong {
+                reflectance,
+                exponent: 5.0,
+            });
+            s.floor(0.1, 0.5, glossy);
+        }),
+        ("flat lights", |s| {
+            let lamp = s.one_sided(BsdfDescription::Black, 1.0);
+            s.ceiling(0.1, 3.0, lamp);
+        }),
+        ("sphere lights", |s| {
+            let lamp = s.one_sided(BsdfDescription::Black, 1.0);
+            s.sphere([0.5; 3], 0.1, lamp);
+        }),
+        ("point lights", |s| s.point_light([0.0, 0.0, 1.0], 1.0)),
+        ("background", |s| s.background(1.0)),
+    ];
+    let bare = bare_floor(lambertian(0.5));
+    let settings = endless(Strategy::Mis);
+    let least = plan(&bare.build(), &settings);
+    assert_eq!(least.needed, ["triangles", "Lambertian surfaces"]);
+    for (name, add) in additions {
+        assert!(least.left_out.contains(&name), "{name} is in {least}");
+        let mut scene = bare.clone();
+        add(&mut scene);
+        let with = plan(&scene.build(), &settings);
+        assert!(with.needed.contains(&name), "{name} is not in {with}");
+        assert!(
+            !with.left_out.contains(&name),
+            "{name} is left out of {with}"
+        );
+        // A sphere is found by the same queues as a triangle.
+        if name == "spheres" {
+            assert_eq!(with.bytes_per_path, least.bytes_per_path);
+        } else {
+            assert!(with.bytes_per_path > least.bytes_per_path, "{name}");
+        }
+    }
+}
+
+#[test]
+fn settings_bring_their_features_and_no_more() {
+    let mut scene = bare_floor(lambertian(0.5));
+    let lamp = scene.one_sided(BsdfDescription::Black, 1.0);
+    scene.ceiling(0.5, 3.0, lamp);
+    let clear = scene.matter(glass(1.5));
+    scene.floor(0.1, 0.5, clear);
+    let scene = scene.build();
+    let base = endless(Strategy::Bsdf);
+    let features = |settings: RenderSettings| plan(&scene, &settings).needed;
+    let least = ["triangles", "Lambertian surfaces", "glass", "flat lights"];
+    assert_eq!(features(base.clone()), least);
+    let with = |more: &[&'static str]| [&least, more].concat();
+    assert_eq!(features(endless(Strategy::Nee)), with(&["shadow rays"]));
+    let mis = ["shadow rays", "multiple importance sampling"];
+    assert_eq!(features(endless(Strategy::Mis)), with(&mis));
+    assert_eq!(
+        features(whitted(9)),
+        with(&["shadow rays", "Whitted's transport"])
+    );
+    let stratified = RenderSettings {
+        sampler: SamplerKind::Stratified,
+        ..base.clone()
+    };
+    assert_eq!(features(stratified), with(&["stratified sampling"]));
+    let transparent = RenderSettings {
+        transparent_shadows: true,
+        ..endless(Strategy::Nee)
+    };
+    assert_eq!(
+        features(transparent.clone()),
+        with(&["shadow rays", "transparent shadows"])
+    );
+    let aux = RenderSettings {
+        aux: true,
+        ..base.clone()
+    };
+    assert_eq!(features(aux), with(&["auxiliary images"]));
+    // Emission alone needs no material, and direction sampling no shadow ray to be transparent.
+    assert_eq!(
+        features(path(Strategy::Mis, 1)),
+        ["triangles", "flat lights"]
+    );
+    let no_shadows = RenderSettings {
+        strategy: Strategy::Bsdf,
+        ..transparent
+    };
+    assert_eq!(features(no_shadows), least);
+}
+
+#[test]
+fn absent_queues_and_columns_are_left_out_of_the_plan() {
+    let settings = endless(Strategy::Mis);
+    let scene = bare_floor(lambertian(0.5)).build();
+    let lean = plan(&scene, &settings);
+    let [rays, hits, shadows, indices] = lean.queues.as_slice() else {
+        panic!("four kinds of queue");
+    };
+    assert_eq!((rays.count, hits.count), (2, 1));
+    assert_eq!((shadows.count, indices.count), (0, 1));
+    for column in ["pdf", "eta"] {
+        assert!(rays.left_out.contains(&column), "{column} is in {lean}");
+        assert!(!rays.columns.contains(&column), "{column} is in {lean}");
+    }
+    let bytes = |queue: &QueuePlan| queue.count * queue.bytes_per_item;
+    assert_eq!(
+        lean.bytes_per_path,
+        lean.queues.iter().map(bytes).sum::<usize>()
+    );
+    let runs: Vec<&str> = lean
+        .stages
+        .iter()
+        .filter(|stage| stage.runs)
+        .map(|stage| stage.name.as_str())
+        .collect();
+    assert_eq!(
+        runs,
+        [
+            "generate",
+            "intersect",
+            "sort",
+            "shade Lambertian",
+            "roulette"
+        ]
+    );
+    let full = RenderSettings {
+        force_features: true,
+        ..settings
+    };
+    let full = plan(&scene, &full);
+    assert!(full.bytes_per_path > lean.bytes_per_path);
+    assert!(full.queues[0].bytes_per_item > rays.bytes_per_item);
+}
+
+#[test]
+fn stages_of_absent_features_see_no_item() {
+    let items = |stats: &RenderStats, name: &str| {
+        let stage = stats.stages.iter().find(|stage| stage.name == name);
+        stage.expect("a stage of this name").clone()
+    };
+    // A floor in the dark: it is shaded, but there is nothing to see or to connect to.
+    let dark = stats(
+        &bare_floor(lambertian(0.5)).build(),
+        &endless(Strategy::Mis),
+    );
+    assert!(items(&dark, "shade").items > 0);
+    for name in ["emission", "connect"] {
+        assert_eq!(items(&dark, name).items, 0, "{name}");
+    }
+    assert_eq!(items(&dark, "connect").cpu_seconds, 0.0);
+    assert_eq!(dark.shadow_rays, 0);
+
+    // A black floor under a sky: nothing to shade, nothing to go on.
+    let mut scene = bare_floor(BsdfDescription::Black);
+    scene.background(1.0);
+    let black = stats(&scene.build(), &endless(Strategy::Mis));
+    for name in ["shade", "connect", "roulette"] {
+        assert_eq!(items(&black, name).items, 0, "{name}");
+    }
+
+    // Mirrors and a lamp: no hit has a light to sample.
+    let mut scene = bare_floor(mirror(0.5));
+    let lamp = scene.one_sided(BsdfDescription::Black, 1.0);
+    scene.ceiling(9.0, 3.0, lamp);
+    let specular = stats(&scene.build(), &endless(Strategy::Mis));
+    assert!(items(&specular, "emission").items > 0);
+    assert_eq!(items(&specular, "connect").cpu_seconds, 0.0);
+    assert_eq!(specular.shadow_rays, 0);
+}
+
+#[test]
+fn the_structure_that_is_asked_for_is_planned() {
+    let scene = bare_floor(lambertian(0.5)).build();
+    for (accel, name) in [
+        (AccelKind::Linear, "linear"),
+        (AccelKind::Bvh2, "bvh2"),
+        (AccelKind::Bvh8, "bvh8"),
+    ] {
+        let settings = RenderSettings {
+            accel,
+            ..endless(Strategy::Mis)
+        };
+        assert_eq!(plan(&scene, &settings).accel, name);
+    }
+}
