@@ -15,18 +15,19 @@ pub const CAMERA_DIMENSIONS: u32 = 2;
 /// Dimensions of each hit, in the order of [`Dimension`].
 pub const BOUNCE_DIMENSIONS: u32 = 7;
 
-/// Purposes of the numbers of one hit, as offsets from the hit's first dimension.
+/// Purposes of the numbers of one hit, as offsets from the hit's first dimension. What some scenes and
+/// materials do not need comes last of its kind, so that leaving it out leaves out a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Dimension {
-    /// Which light.
-    LightChoice = 0,
     /// Where on the light (and the next dimension).
-    LightPoint = 1,
-    /// Which lobe of the material.
-    Lobe = 3,
+    LightPoint = 0,
+    /// Which light.
+    LightChoice = 2,
     /// Which direction (and the next dimension).
-    Direction = 4,
+    Direction = 3,
+    /// Which lobe of the material.
+    Lobe = 5,
     /// Russian roulette.
     Roulette = 6,
 }

@@ -1,7 +1,7 @@
 //! PCG32 (XSH-RR 64/32, O'Neill 2014) in lanes: every lane's stream equals `rand_pcg::Pcg32`'s bit
 //! for bit, and any number of steps is skipped with one multiply-add (Brown 1994).
 
-use wide::u64x8;
+use wide::{ShuffleExt, u64x8};
 
 use crate::math::lanes::{LANES, U32s, to_f32};
 use crate::math::{F32s, Mask};
@@ -57,6 +57,12 @@ fn seed_key(seed: u64) -> u64 {
     mix_scalar(seed.wrapping_add(0x9e37_79b9_7f4a_7c15))
 }
 
+/// The 32-bit halves of 64-bit lanes, low before high.
+#[inline(always)]
+fn halves(lanes: [u64x8; REGISTERS]) -> [U32s; 2] {
+    bytemuck::cast(lanes)
+}
+
 impl Pcg32s {
     /// The generators of (seed, pixel, sample), at dimension 0. `sample` is the lane's offset from
     /// `first_sample`.
@@ -104,20 +110,13 @@ impl Pcg32s {
     /// The next 32 bits.
     #[inline(always)]
     pub fn next_u32(&mut self) -> U32s {
-        let mut bits = [0u32; LANES];
-        let mut rotation = [0u32; LANES];
-        for (r, s) in self.state.iter().enumerate() {
-            let x: u64x8 = ((*s >> 18) ^ *s) >> 27;
-            let turn: u64x8 = *s >> 59;
-            let (x, turn) = (x.to_array(), turn.to_array());
-            for i in 0..8 {
-                bits[8 * r + i] = x[i] as u32;
-                rotation[8 * r + i] = turn[i] as u32;
-            }
-        }
+        let mixed: [u64x8; REGISTERS] = self.state.map(|s| ((s >> 18) ^ s) >> 27);
+        let low = std::array::from_fn::<u32, LANES, _>(|lane| 2 * lane as u32);
+        let high = low.map(|index| index + 1);
+        let x = halves(mixed).shuffle(U32s::from(low));
+        let turn = halves(self.state).shuffle(U32s::from(high)) >> 27;
         *self = self.skip::<1>();
-        let (x, r) = (U32s::from(bits), U32s::from(rotation));
-        (x >> r) | (x << ((U32s::splat(32) - r) & U32s::splat(31)))
+        (x >> turn) | (x << ((U32s::splat(32) - turn) & U32s::splat(31)))
     }
 
     /// The next number, uniform in [0, 1): 24 random bits, so never rounded up to 1.

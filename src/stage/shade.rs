@@ -171,13 +171,10 @@ fn strata<const F: u32>(scene: &CompiledScene, item: &WorkItem, hits: &Hits) -> 
 /// Two numbers for the direction, one for the lobe.
 #[inline(always)]
 fn direction_numbers(hits: &Hits, strata: HitStrata) -> [F32s; 3] {
-    let mut random = hits.random.skip::<{ Dimension::Lobe as u32 }>();
-    let lobe = strata.one(Dimension::Lobe, random.next_f32());
-    let [u, v] = {
-        let u = random.next_f32();
-        strata.pair(Dimension::Direction, [u, random.next_f32()])
-    };
-    [u, v, lobe]
+    let mut random = hits.random.skip::<{ Dimension::Direction as u32 }>();
+    let pair = [random.next_f32(), random.next_f32()];
+    let [u, v] = strata.pair(Dimension::Direction, pair);
+    [u, v, strata.one(Dimension::Lobe, random.next_f32())]
 }
 
 /// Samples a point on a light and queues a shadow ray to it where it would bring anything.
@@ -190,11 +187,9 @@ fn sample_light<M: Material, const F: u32>(
     wave: &mut Wave,
 ) {
     let mut random = hits.random;
+    let pair = [random.next_f32(), random.next_f32()];
+    let [u, v] = strata.pair(Dimension::LightPoint, pair);
     let choice = strata.one(Dimension::LightChoice, random.next_f32());
-    let [u, v] = {
-        let u = random.next_f32();
-        strata.pair(Dimension::LightPoint, [u, random.next_f32()])
-    };
     let receiver = Receiver {
         p: hits.point.p,
         n: hits.normal,
