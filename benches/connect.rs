@@ -12,7 +12,7 @@ fn connect(c: &mut Criterion) {
         kernels,
         mut wave,
         ..
-    } = Bench::hexroom().advance(3, "connect");
+    } = Bench::hexroom().advance(8, "connect");
     let connect = kernels.connect.expect("the room has a light");
     let shadow_rays = wave.shadows.len;
     let mut group = c.benchmark_group("connect");

@@ -12,7 +12,7 @@ fn emission(c: &mut Criterion) {
         kernels,
         mut wave,
         ..
-    } = Bench::hexroom().advance(3, "emission");
+    } = Bench::hexroom().advance(8, "emission");
     let shade_emission = kernels.shade_emission.expect("the room has a light");
     let mut group = c.benchmark_group("emission");
     group.throughput(Throughput::Elements(wave.emitters.len as u64));

@@ -12,7 +12,7 @@ fn roulette(c: &mut Criterion) {
         kernels,
         mut wave,
         ..
-    } = Bench::hexroom().advance(3, "roulette");
+    } = Bench::hexroom().advance(8, "roulette");
     let next = wave.next.len;
     let mut group = c.benchmark_group("roulette");
     group.throughput(Throughput::Elements(next as u64));

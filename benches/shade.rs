@@ -12,7 +12,7 @@ fn shade(c: &mut Criterion) {
         kernels,
         item,
         mut wave,
-    } = Bench::hexroom().advance(3, "shade");
+    } = Bench::hexroom().advance(8, "shade");
     let hits: usize = wave.by_material.iter().map(|queue| queue.len).sum();
     let mut group = c.benchmark_group("shade");
     group.throughput(Throughput::Elements(hits as u64));

@@ -12,7 +12,7 @@ fn sort(c: &mut Criterion) {
         kernels,
         mut wave,
         ..
-    } = Bench::hexroom().advance(3, "sort");
+    } = Bench::hexroom().advance(8, "sort");
     let mut group = c.benchmark_group("sort");
     group.throughput(Throughput::Elements(wave.rays.len as u64));
     group.bench_function("hexroom-exact", |b| {

@@ -141,3 +141,16 @@ fn the_scene_of_the_format_description_loads() {
         ShapeGeometry::Quad([a, b, c, _]) if (b - a).cross(c - a).z < 0.0
     ));
 }
+
+#[test]
+fn the_scene_of_the_readme_loads() {
+    let readme = include_str!("../../../README.md");
+    let example = readme
+        .split("```toml\n")
+        .nth(1)
+        .and_then(|rest| rest.split("```\n").next())
+        .unwrap();
+    let scene = parse(example, Path::new("example.toml"), &[]).unwrap();
+    assert_eq!(scene.shapes.len(), 2);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+}
