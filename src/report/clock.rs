@@ -1,11 +1,11 @@
 //! Wall and CPU time of a phase, and the process's peak memory.
 
-use std::mem::MaybeUninit;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
 use crate::film::memory::bytes_field;
+use crate::integrator::clock::process_cpu_seconds;
 
 /// Time that a phase took.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -39,19 +39,6 @@ impl Stopwatch {
             cpu_seconds: process_cpu_seconds() - self.cpu_seconds,
         }
     }
-}
-
-/// CPU seconds of the process so far, all threads, user and system.
-fn process_cpu_seconds() -> f64 {
-    let mut usage = MaybeUninit::<libc::rusage>::zeroed();
-    // SAFETY: `usage` is a valid place for one rusage, which consists of integers, so that all
-    // zeros, left in it if the call should fail, is a valid value.
-    let usage = unsafe {
-        libc::getrusage(libc::RUSAGE_SELF, usage.as_mut_ptr());
-        usage.assume_init()
-    };
-    let seconds = |time: libc::timeval| time.tv_sec as f64 + time.tv_usec as f64 * 1e-6;
-    seconds(usage.ru_utime) + seconds(usage.ru_stime)
 }
 
 /// Most bytes that the process ever held in memory. `None` where the system does not say.
