@@ -142,7 +142,7 @@ fn the_hexagonal_room_has_its_specified_geometry() {
     assert_eq!(eyes, [("1", plane(-1.0)), ("2", plane(-3.0))]);
     assert_eq!(
         (scene.film.width, scene.film.height, scene.render.spp),
-        (800, 800, Some(100))
+        (800, 800, Some(160))
     );
 }
 
@@ -189,7 +189,7 @@ fn variants_of_the_hexagonal_room_differ_where_they_say() {
     let shadows = repository_scene("hexroom-transparent-shadows.toml").render;
     assert_eq!(
         (shadows.transparent_shadows, shadows.spp),
-        (Some(true), Some(100))
+        (Some(true), Some(160))
     );
     let whitted = repository_scene("hexroom-whitted.toml").render;
     assert_eq!(whitted.integrator, Some(IntegratorKind::Whitted));
