@@ -93,7 +93,13 @@ impl Wave {
     /// `item_pixels` pixels, with what `features` need.
     pub fn new(capacity: usize, features: Features, item_paths: usize, item_pixels: usize) -> Self {
         let when = |needs: Features, n: usize| if features.intersects(needs) { n } else { 0 };
-        let lights = Features(Features::LIGHT_FLAT.0 | Features::LIGHT_SPHERE.0);
+        let lights = Features::LIGHT_FLAT | Features::LIGHT_SPHERE;
+        // One path may split into this many rays.
+        let capacity = if features.contains(Features::WHITTED) {
+            capacity.max(1 << state::MOST_SPLITS)
+        } else {
+            capacity
+        };
         // A queue that the scene does not need still has room for the one vector of lanes that
         // every column is padded with.
         Self {
