@@ -27,6 +27,7 @@ use crate::geometry::hit::RayFrame;
 use crate::geometry::sphere::sphere_distance;
 use crate::geometry::triangle::ShearRay;
 use crate::geometry::{Geometry, PrimitiveId, Sphere, Triangle};
+use crate::math::float::gamma;
 use crate::math::lanes::{
     Compare, F32s, LANES, Mask, U32s, from_bits, gather_u32, load, load_u32, store, store_u32,
     to_bits,
@@ -41,6 +42,10 @@ const GRAZING: f32 = 1.0 / 1024.0;
 
 /// Rays that start farther than this many scene radii from the scene's centre are traced one at a time.
 pub(super) const REACH: f32 = 32.0;
+
+/// Bound of the error of a hit point, as a share of the largest coordinate: γ(7) of barycentric terms that
+/// are at most three times that large on a merged polygon, and as much for the distance that chose the wall.
+const SLACK: f32 = 2.0 * 3.0 * gamma(7);
 
 /// A wall of the closed convex shell.
 #[derive(Debug, Clone)]
@@ -98,6 +103,8 @@ pub struct LinearScan {
     center: [f32; 3],
     /// Sum of the half extents of that box: no vertex is farther from the centre.
     radius: f32,
+    /// How far beyond a wall a point of another surface may lie by rounding.
+    slack: f32,
 }
 
 /// Images of the vertices and signs of the edge functions for one group of rays.
@@ -374,6 +381,7 @@ impl LinearScan {
             spheres: geometry.spheres.clone(),
             center,
             radius,
+            slack: SLACK * center.iter().fold(radius, |sum, x| sum + x.abs()),
         }
     }
 
@@ -461,6 +469,7 @@ impl LinearScan {
             return None;
         }
         let zero = F32s::splat(0.0);
+        let bounced = !Compare::eq(group.skip, U32s::splat(PrimitiveId::NONE));
         let mut nearest = Nearest::none();
         let mut outside = Mask::NONE;
         for wall in &self.walls {
@@ -468,11 +477,16 @@ impl LinearScan {
             let numerator = outward.dot(Vec3s::splat(wall.anchor) - group.origin);
             let denominator = outward.dot(group.direction);
             let leaving = denominator.gt(zero);
-            // On the plane itself, a ray that runs inward is inside; negated, so that NaN is outside.
-            outside = outside | !(numerator.gt(zero) | (numerator.ge(zero) & !leaving));
-            let other = !Compare::eq(group.skip, U32s::splat(wall.id));
+            let own = Compare::eq(group.skip, U32s::splat(wall.id));
+            // On the plane itself, a ray that runs inward is inside. Near an edge, rounding puts a point
+            // of one wall beyond the other now and then: it is on that one. A ray through its own wall
+            // is outside. Said so that NaN is outside.
+            let inside = numerator.gt(zero) | (numerator.ge(zero) & !leaving);
+            let rounded = bounced & !own & numerator.ge(F32s::splat(-self.slack));
+            outside = outside | !(inside | rounded);
+            let numerator = numerator.fast_max(F32s::splat(f32::MIN_POSITIVE));
             let nearer = leaving
-                & other
+                & !own
                 & (numerator * nearest.denominator).lt(nearest.numerator * denominator);
             nearest = Nearest {
                 numerator: nearer.select(numerator, nearest.numerator),

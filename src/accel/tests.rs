@@ -1086,3 +1086,23 @@ fn a_wall_between_the_room_and_a_light_outside_occludes() {
     let (occluded, _) = segments_in_room(Some(vec![light]), &segments);
     assert!(occluded.iter().all(|&o| o));
 }
+
+#[test]
+fn a_ray_that_rounding_starts_beyond_the_next_wall_hits_that_wall() {
+    // From the floor (triangle 0 is of its polygon), at the foot of the wall y = 6, a few roundings past it.
+    let accel = LinearScan::new(&room());
+    let mut rays = Rays::default();
+    for roundings in 0..4u32 {
+        let y = f32::from_bits(6.0f32.to_bits() + roundings);
+        let start = [5.0, y, f32::from_bits((-5.0f32).to_bits() - 2)];
+        rays.push(start, normalized([0.3, 1.0, 0.5]), 0);
+    }
+    for (t, primitive) in rays.closest(&accel) {
+        assert!(
+            primitive != PrimitiveId::NONE && t > 0.0 && t < 1e-4,
+            "{t} {primitive}"
+        );
+        let corners = room().triangles[primitive as usize].corners;
+        assert!(corners.iter().all(|corner| corner[1] == 6.0));
+    }
+}
