@@ -3,8 +3,8 @@
 
 use wide::{ShuffleExt, u64x8};
 
+use crate::math::F32s;
 use crate::math::lanes::{LANES, U32s, to_f32};
-use crate::math::{F32s, Mask};
 
 /// The LCG's multiplier, as PCG32 has it.
 const MULTIPLIER: u64 = 6_364_136_223_846_793_005;
@@ -134,15 +134,6 @@ impl Pcg32s {
                 .state
                 .map(|s| mix(s ^ u64x8::splat(0xd1b5_4a32_d192_ed03))),
         }
-    }
-
-    /// `yes` where set, else `no`.
-    #[inline(always)]
-    pub fn select(mask: Mask, yes: Self, no: Self) -> Self {
-        let (yes, no) = (yes.states(), no.states());
-        Self::from_states(std::array::from_fn(|i| {
-            if mask.test(i) { yes[i] } else { no[i] }
-        }))
     }
 }
 

@@ -1,7 +1,5 @@
 //! Which emission a path may count, so that nothing is counted twice or left out.
 
-use std::ops::Not;
-
 use crate::compile::{CompiledScene, Features};
 use crate::math::Compare;
 use crate::math::lanes::{Mask, U32s};
@@ -19,7 +17,7 @@ pub(super) fn emission_counts<const F: u32>(scene: &CompiledScene, ray_state: U3
         Strategy::Mis | Strategy::Bsdf => Mask::ALL,
     };
     if scene.on::<F>(Features::TRANSPARENT_SHADOWS) {
-        counts = counts & has(ray_state, state::THROUGH_GLASS).not();
+        counts = counts & !has(ray_state, state::THROUGH_GLASS);
     }
     counts
 }
