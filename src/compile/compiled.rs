@@ -463,6 +463,9 @@ fn material_spec(bsdf: &BsdfDescription) -> MaterialSpec {
             reflectance: rgb(reflectance),
             exponent: exponent as f32,
         },
+        BsdfDescription::Glossy { diffuse, .. } => MaterialSpec::Lambertian {
+            reflectance: rgb(diffuse),
+        },
     }
 }
 
@@ -473,6 +476,9 @@ fn albedo(bsdf: &BsdfDescription) -> [f32; 3] {
         | BsdfDescription::OrenNayar { reflectance, .. }
         | BsdfDescription::Mirror { reflectance }
         | BsdfDescription::Phong { reflectance, .. } => reflectance.as_vec3().to_array(),
+        BsdfDescription::Glossy {
+            diffuse, specular, ..
+        } => (diffuse + specular).as_vec3().to_array(),
         BsdfDescription::Dielectric { .. } => [1.0; 3],
     }
 }

@@ -47,6 +47,9 @@ impl Bsdf {
                 reflectance,
                 exponent,
             } => (Self::Lobe(Lobe::Phong(reflectance, exponent)), reflectance),
+            BsdfDescription::Glossy { diffuse, .. } => {
+                (Self::Lobe(Lobe::OrenNayar(diffuse, 1.0, 0.0)), diffuse)
+            }
             BsdfDescription::Mirror { reflectance } => {
                 (Self::Specular(Specular::Mirror(reflectance)), reflectance)
             }

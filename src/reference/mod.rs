@@ -234,7 +234,7 @@ mod tests {
                 place(0.0, 1.0),
             ],
             faces: vec![[0, 1, 2], [0, 2, 3]],
-            face_materials: Vec::new(),
+            ..Mesh::default()
         };
         let eye = place(0.5, 0.5) + turn * DVec3::Z;
         let camera = Projection::Plane {
@@ -254,11 +254,8 @@ mod tests {
                 name: String::new(),
                 projection: camera,
             }],
-            materials: vec![MaterialDescription {
-                name: String::new(),
-                bsdf: BsdfDescription::Black,
-                emission: None,
-            }],
+            materials: vec![MaterialDescription::new("", BsdfDescription::Black)],
+            textures: Vec::new(),
             shapes: vec![ShapeDescription {
                 name: String::new(),
                 geometry: ShapeGeometry::Mesh(mesh),

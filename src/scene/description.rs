@@ -10,6 +10,10 @@ use super::settings::RenderDefaults;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct MaterialId(pub u32);
 
+/// Index into [`SceneDescription::textures`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct TextureId(pub u32);
+
 /// A whole scene after reading and checking; every invariant named here holds.
 #[derive(Debug, Clone)]
 pub struct SceneDescription {
@@ -21,6 +25,8 @@ pub struct SceneDescription {
     pub cameras: Vec<CameraDescription>,
     /// Materials, unique names.
     pub materials: Vec<MaterialDescription>,
+    /// Pictures that materials refer to.
+    pub textures: Vec<TextureDescription>,
     /// Everything with a surface.
     pub shapes: Vec<ShapeDescription>,
     /// Lights without a surface.
@@ -114,6 +120,19 @@ impl Projection {
     }
 }
 
+/// A picture on a surface.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TextureDescription {
+    /// Where it came from, for messages.
+    pub name: String,
+    /// Texels across, > 0.
+    pub width: u32,
+    /// Texels down, > 0.
+    pub height: u32,
+    /// Rows from the top, RGB with the sRGB curve; `width`·`height` of them.
+    pub texels: Vec<[u8; 3]>,
+}
+
 /// A named material: how it scatters and what it emits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaterialDescription {
@@ -121,8 +140,29 @@ pub struct MaterialDescription {
     pub name: String,
     /// Scattering.
     pub bsdf: BsdfDescription,
+    /// Multiplies the (diffuse) reflectance where a face has texture coordinates: looked up in linear
+    /// RGB, bilinear between texel centres, repeating.
+    pub reflectance_texture: Option<TextureId>,
+    /// Share of the light that meets the surface, in [0, 1]; the rest goes straight on.
+    pub opacity: f64,
+    /// Multiplies the opacity: the linear mean of the channels.
+    pub opacity_texture: Option<TextureId>,
     /// Emission, if any.
     pub emission: Option<EmissionDescription>,
+}
+
+impl MaterialDescription {
+    /// Opaque, without textures or emission.
+    pub fn new(name: impl Into<String>, bsdf: BsdfDescription) -> Self {
+        Self {
+            name: name.into(),
+            bsdf,
+            reflectance_texture: None,
+            opacity: 1.0,
+            opacity_texture: None,
+            emission: None,
+        }
+    }
 }
 
 /// How a surface scatters. All surfaces scatter on both sides.
@@ -158,6 +198,16 @@ pub enum BsdfDescription {
     Phong {
         /// Lobe weight per channel, in [0, 1].
         reflectance: DVec3,
+        /// n, in [0, 1e6].
+        exponent: f64,
+    },
+    /// Lambert's law and a normalised Phong lobe together (Lafortune and Willems, "Using the Modified
+    /// Phong Reflectance Model for Physically Based Rendering", 1994).
+    Glossy {
+        /// Albedo of the diffuse part per channel, ≥ 0; `diffuse` + `specular` ≤ 1.
+        diffuse: DVec3,
+        /// Lobe weight per channel, ≥ 0.
+        specular: DVec3,
         /// n, in [0, 1e6].
         exponent: f64,
     },
@@ -218,6 +268,19 @@ pub struct Mesh {
     pub faces: Vec<[u32; 3]>,
     /// Material per face where it differs from the shape's; empty otherwise.
     pub face_materials: Vec<MaterialId>,
+    /// Shading normals, of any length.
+    pub normals: Vec<[f32; 3]>,
+    /// Three indices into `normals` per face, [`Mesh::ABSENT`] at corners without; empty if none has.
+    pub face_normals: Vec<[u32; 3]>,
+    /// Texture coordinates: u to the right, v up.
+    pub uvs: Vec<[f32; 2]>,
+    /// Three indices into `uvs` per face, [`Mesh::ABSENT`] at corners without; empty if none has.
+    pub face_uvs: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// The index of what a corner has not.
+    pub const ABSENT: u32 = u32::MAX;
 }
 
 /// An isotropic point light.

@@ -68,9 +68,8 @@ pub(super) fn read(entry: &Entry) -> Result<MaterialDescription> {
         fields.required("emission")?;
     }
     Ok(MaterialDescription {
-        name: entry.key.clone(),
-        bsdf,
         emission: read_emission(&fields)?,
+        ..MaterialDescription::new(entry.key.clone(), bsdf)
     })
 }
 

@@ -152,7 +152,7 @@ mod tests {
         Mesh {
             positions: vec![DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y],
             faces: vec![[0, 1, 2], [0, 2, 3]],
-            face_materials: Vec::new(),
+            ..Mesh::default()
         }
     }
 

@@ -28,7 +28,7 @@ pub fn cuboid(size: DVec3) -> Mesh {
             .iter()
             .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
             .collect(),
-        face_materials: Vec::new(),
+        ..Mesh::default()
     }
 }
 
@@ -80,7 +80,7 @@ fn icosahedron() -> Mesh {
     Mesh {
         positions,
         faces,
-        face_materials: Vec::new(),
+        ..Mesh::default()
     }
 }
 

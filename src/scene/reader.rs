@@ -47,6 +47,7 @@ pub(super) fn scene(root: &Node, path: &Path) -> Result<SceneDescription> {
         cameras: read_cameras(root, &fields)?,
         shapes: read_shapes(&fields, &materials, &mut warnings)?,
         materials,
+        textures: Vec::new(),
         point_lights: list(&fields, "lights")?
             .iter()
             .map(read_light)

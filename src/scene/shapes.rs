@@ -123,7 +123,7 @@ fn read_triangles(fields: &Fields<'_>) -> Result<Mesh> {
     Ok(Mesh {
         positions,
         faces,
-        face_materials: Vec::new(),
+        ..Mesh::default()
     })
 }
 

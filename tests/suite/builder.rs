@@ -46,6 +46,7 @@ impl SceneBuilder {
             },
             cameras: Vec::new(),
             materials: Vec::new(),
+            textures: Vec::new(),
             shapes: Vec::new(),
             point_lights: Vec::new(),
             background: DVec3::ZERO,
@@ -91,9 +92,8 @@ impl SceneBuilder {
         let id = MaterialId(self.0.materials.len() as u32);
         let name = format!("material {}", id.0);
         self.0.materials.push(MaterialDescription {
-            name,
-            bsdf,
             emission,
+            ..MaterialDescription::new(name, bsdf)
         });
         id
     }
@@ -144,7 +144,7 @@ impl SceneBuilder {
         let mesh = Mesh {
             positions,
             faces,
-            face_materials: Vec::new(),
+            ..Mesh::default()
         };
         self.shape(ShapeGeometry::Mesh(mesh), material);
     }
