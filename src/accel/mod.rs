@@ -4,9 +4,11 @@ mod bvh2;
 mod bvh8;
 mod leaf;
 mod linear;
+mod octant;
 mod polygon;
 mod shell;
 mod stack;
+mod stream;
 #[cfg(test)]
 mod tests;
 mod tree;

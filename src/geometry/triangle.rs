@@ -78,33 +78,60 @@ impl ShearRay {
     /// Lanes of the pack that the ray hits, and their distances, > 0 (undefined in other lanes).
     #[inline]
     pub fn intersect_pack(&self, pack: &TrianglePack) -> (Mask, F32s) {
-        let [a, b, c] = [0, 1, 2].map(|corner| self.project_pack(&pack.corners[corner]));
-        let u = b[0] * c[1] - b[1] * c[0];
-        let v = c[0] * a[1] - c[1] * a[0];
-        let w = a[0] * b[1] - a[1] * b[0];
+        self.intersect_rows(|axis, corner| pack.corners[corner][axis], Mask::ALL)
+    }
+
+    /// Lanes of `valid` whose triangles the line of the ray meets, and lanes that rounding leaves
+    /// undecided. `row(axis, corner)` are the lanes' coordinates.
+    #[inline(always)]
+    pub fn crosses_rows(&self, row: impl Fn(usize, usize) -> F32s, valid: Mask) -> Mask {
+        let [_, [u, v, w]] = self.edges(&row);
+        let zero = F32s::splat(0.0);
+        let positive = u.ge(zero) & v.ge(zero) & w.ge(zero);
+        let negative = u.le(zero) & v.le(zero) & w.le(zero);
+        (positive | negative) & valid
+    }
+
+    /// Lanes of `valid` whose triangles the ray hits, and their distances, > 0 (undefined in other
+    /// lanes). `row(axis, corner)` are the lanes' coordinates.
+    #[inline(always)]
+    pub fn intersect_rows(
+        &self,
+        row: impl Fn(usize, usize) -> F32s,
+        valid: Mask,
+    ) -> (Mask, F32s) {
+        let [z, [u, v, w]] = self.edges(&row);
         let zero = F32s::splat(0.0);
         let positive = u.gt(zero) & v.gt(zero) & w.gt(zero);
         let negative = u.lt(zero) & v.lt(zero) & w.lt(zero);
-        let undecided = Compare::eq(u, zero) | Compare::eq(v, zero) | Compare::eq(w, zero);
-        if (positive | negative | undecided).none() {
-            return (Mask::NONE, zero);
-        }
+        let undecided =
+            (Compare::eq(u, zero) | Compare::eq(v, zero) | Compare::eq(w, zero)) & valid;
         let scale = F32s::splat(1.0) / (u + v + w);
-        let t = (u * scale) * a[2] + (v * scale) * b[2] + (w * scale) * c[2];
-        let hit = (positive | negative) & t.gt(zero) & t.lt(F32s::splat(f32::INFINITY));
+        let t = (u * scale) * z[0] + (v * scale) * z[1] + (w * scale) * z[2];
+        let hit = (positive | negative) & valid & t.gt(zero) & t.lt(F32s::splat(f32::INFINITY));
         if undecided.none() {
             return (hit, t);
         }
-        decide_in_f64(hit, t, undecided, [a, b, c])
+        let corners = [0, 1, 2].map(|corner| self.project_pack(|axis| row(axis, corner)));
+        decide_in_f64(hit, t, undecided, corners)
     }
 
     #[inline(always)]
-    fn project_pack(&self, corner: &[F32s; 3]) -> [F32s; 3] {
+    fn edges(&self, row: impl Fn(usize, usize) -> F32s) -> [[F32s; 3]; 2] {
+        let [a, b, c] = [0, 1, 2].map(|corner| self.project_pack(|axis| row(axis, corner)));
+        let u = b[0] * c[1] - b[1] * c[0];
+        let v = c[0] * a[1] - c[1] * a[0];
+        let w = a[0] * b[1] - a[1] * b[0];
+        [[a[2], b[2], c[2]], [u, v, w]]
+    }
+
+    #[inline(always)]
+    fn project_pack(&self, corner: impl Fn(usize) -> F32s) -> [F32s; 3] {
         let [kx, ky, kz] = self.axes;
-        let z = corner[kz] - F32s::splat(self.origin[kz]);
+        let z = corner(kz) - F32s::splat(self.origin[kz]);
         [
-            (corner[kx] - F32s::splat(self.origin[kx])) - F32s::splat(self.shear[0]) * z,
-            (corner[ky] - F32s::splat(self.origin[ky])) - F32s::splat(self.shear[1]) * z,
+            (corner(kx) - F32s::splat(self.origin[kx])) - F32s::splat(self.shear[0]) * z,
+            (corner(ky) - F32s::splat(self.origin[ky])) - F32s::splat(self.shear[1]) * z,
             F32s::splat(self.shear[2]) * z,
         ]
     }
