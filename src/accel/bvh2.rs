@@ -1,5 +1,6 @@
 //! A binary tree, traversed one ray at a time.
 
+use super::build_options::BuildOptions;
 use super::leaf::{LEAF_SIZE, Leaves, TreeRay};
 use super::stack::Entry;
 use super::tree::{BinaryTree, Pending};
@@ -26,9 +27,14 @@ pub struct Bvh2 {
 }
 
 impl Bvh2 {
-    /// Builds over the primitives.
+    /// Builds over the primitives at medium quality.
     pub fn new(geometry: &Geometry) -> Self {
-        let tree = BinaryTree::new(geometry);
+        Self::with_options(geometry, &BuildOptions::default())
+    }
+
+    /// Builds over the primitives.
+    pub fn with_options(geometry: &Geometry, options: &BuildOptions<'_>) -> Self {
+        let tree = BinaryTree::with_options(geometry, options);
         let mut bvh = Self {
             nodes: Vec::new(),
             leaves: Leaves::default(),

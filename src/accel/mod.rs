@@ -1,11 +1,19 @@
 //! Acceleration structures behind one batch trait. They know primitives, not materials.
 
+mod blocks;
+mod build_options;
 mod bvh2;
 mod bvh8;
+mod collapse;
+mod huge_pages;
 mod leaf;
 mod linear;
+mod morton;
 mod octant;
+mod packet;
+mod ploc;
 mod polygon;
+mod reinsertion;
 mod shell;
 mod stack;
 mod stream;
@@ -14,6 +22,7 @@ mod tests;
 mod tree;
 mod walk;
 
+pub use build_options::{BuildOptions, BuildPhase, BuildQuality};
 pub use bvh2::Bvh2;
 pub use bvh8::Bvh8;
 pub use linear::LinearScan;
@@ -30,6 +39,8 @@ pub enum Structure {
     Bvh2,
     /// [`Bvh8`].
     Bvh8,
+    /// [`Bvh8`] with packets of rays wherever they can.
+    Packet,
 }
 
 /// Up to this many primitives the linear scan is the faster one. Measured with 16 lanes, incoherent rays:
@@ -45,21 +56,40 @@ pub fn auto(geometry: &Geometry) -> Structure {
     }
 }
 
-/// Builds a structure over the primitives.
+/// Builds a structure over the primitives at medium quality.
 ///
 /// # Errors
 /// [`crate::ErrorKind::Limit`] for 2³¹ primitives or more.
 pub fn build(structure: Structure, geometry: &Geometry) -> Result<Box<dyn Accel>> {
-    if geometry.len() >= 1 << 31 {
+    build_with(structure, geometry, &BuildOptions::default())
+}
+
+/// Builds a structure over the primitives.
+///
+/// # Errors
+/// [`crate::ErrorKind::Limit`] for 2³¹ primitives or more.
+pub fn build_with(
+    structure: Structure,
+    geometry: &Geometry,
+    options: &BuildOptions<'_>,
+) -> Result<Box<dyn Accel>> {
+    check_limit(geometry.len())?;
+    Ok(match structure {
+        Structure::Linear => Box::new(LinearScan::new(geometry)),
+        Structure::Bvh2 => Box::new(Bvh2::with_options(geometry, options)),
+        Structure::Bvh8 => Box::new(Bvh8::new(geometry, options)?),
+        Structure::Packet => Box::new(Bvh8::packets(geometry, options)?),
+    })
+}
+
+/// Primitives have 31-bit ids, so that a bit is left to tell them from nodes.
+fn check_limit(primitives: usize) -> Result<()> {
+    if primitives >= 1 << 31 {
         return Err(Error::limit(
             "a scene may have at most 2^31 - 1 triangles and spheres together",
         ));
     }
-    Ok(match structure {
-        Structure::Linear => Box::new(LinearScan::new(geometry)),
-        Structure::Bvh2 => Box::new(Bvh2::new(geometry)),
-        Structure::Bvh8 => Box::new(Bvh8::new(geometry)),
-    })
+    Ok(())
 }
 
 /// A batch of rays in structure-of-arrays columns, all of the same length `len` padded with

@@ -1,31 +1,91 @@
-#![allow(unsafe_code, reason = "x")]
-//! Traversal of the 8-wide tree by a queue of rays. The rays of an octant share one loop, compiled for the
-//! signs of their directions; a few dozen of them are in flight at once, each advanced by one node or one
-//! leaf at a time, so that the latencies of one ray pass while others are computed.
+//! Traversal of the 8-wide tree by a queue of rays. The rays of an octant of directions share one loop,
+//! compiled for their signs. A few dozen of them are in flight at once, each advanced by one node or one
+//! leaf at a time, so that the latencies of one ray pass while others are computed. No store in these
+//! loops has an address that depends on the outcome of an earlier step: the processor would hold back
+//! every later load until it knew it.
 
-use wide::f32x8;
+use std::cell::RefCell;
+use std::ops::Range;
 
-use super::bvh8::{Blocks, DONE, LEAF};
-use super::octant::{OCTANTS, ORDER};
+use wide::{f32x8, f32x16};
+
+use super::blocks::{Blocks, DONE, LEAF};
+use super::octant::{NEAREST, OCTANTS, ORDER, permute};
+use super::collapse::WIDTH;
+use super::packet::{self, PacketRays};
 use super::{AccelCounters, RayBatch};
-use crate::geometry::slab::FAR_PADDING;
-use crate::geometry::triangle::ShearRay;
 use crate::geometry::PrimitiveId;
-use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s};
-use wide::f32x16;
+use crate::geometry::slab::{FAR_PADDING, keep_max16};
+use crate::geometry::sphere::sphere_distance;
+use crate::geometry::triangle::ShearRay;
+use crate::math::lanes::{
+    Compare, F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, iota, load,
+    load_u32, padded, store_u32, to_bits,
+};
+use crate::math::vec3::Vec3s;
 
-/// Rays that take turns.
+/// Rays that take turns. Measured; see `profiling/`.
 const IN_FLIGHT: usize = 64;
+
+/// When groups of rays descend together before they go on alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Packets {
+    /// Where their directions are close.
+    Coherent,
+    /// Wherever they can.
+    Always,
+}
+
+/// What is asked of rays.
+pub(super) trait Query {
+    /// Any hit ends a ray.
+    const ANY: bool;
+
+    /// Per lane where the ray ends, and the primitive that does not count.
+    fn ends(&self, ray: U32s) -> (F32s, U32s);
+
+    /// Takes a ray's answer: the closest hit, or any primitive where [`Self::ANY`].
+    fn finish(&mut self, ray: usize, t: f32, primitive: u32);
+}
+
+/// Answers `query` for each ray of the batch.
+pub(super) fn trace<Q: Query>(
+    tree: &Blocks,
+    packets: Packets,
+    rays: &RayBatch<'_>,
+    query: &mut Q,
+    counters: &mut AccelCounters,
+) {
+    SCRATCH.with_borrow_mut(|scratch| {
+        let octants = scratch.prepare(tree, rays, query);
+        macro_rules! trace_octants {
+            ($spheres:literal: $($octant:literal)*) => {
+                $(Traversal::<$octant, $spheres, Q> { tree, packets, rays, query, counters, scratch,
+                    lists: Lists { nodes: List::EMPTY, leaves: List::EMPTY, done: List::EMPTY },
+                    free: std::array::from_fn(|slot| slot as u32), free_len: IN_FLIGHT }
+                    .run(octants[$octant]..octants[$octant + 1]);)*
+            };
+        }
+        if tree.has_spheres {
+            trace_octants!(true: 0 1 2 3 4 5 6 7);
+        } else {
+            trace_octants!(false: 0 1 2 3 4 5 6 7);
+        }
+    });
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+}
 
 /// A ray in flight.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 struct Flight {
-    /// |1/d|, negated for the upper planes.
+    /// |1/d| for lower planes and −|1/d| for upper ones, per axis.
     reciprocal: [f32x16; 3],
-    /// [0, −limit] in the order of the planes of an axis that the ray climbs.
     shear: ShearRay,
-    origin: [f32; 3],
+    /// Closest hit so far, or the end of the ray.
     t: f32,
     primitive: u32,
     skip: u32,
@@ -33,310 +93,452 @@ struct Flight {
     ray: u32,
     /// Node or leaf to visit next.
     current: u32,
-    /// Entries put aside, in this ray's part of the stack.
+    /// Place in the stacks after the last entry.
     top: u32,
 }
 
-/// What is asked of the rays.
-pub(super) trait Query {
-    /// Any hit ends a ray.
-    const ANY: bool;
-    /// Where a ray ends, and the primitive that it cannot hit.
-    fn end(&self, ray: usize) -> (f32, u32);
-    /// Takes a ray's answer.
-    fn finish(&mut self, ray: usize, t: f32, primitive: u32);
-}
-
-/// Answers `query` for each ray of the batch.
-pub(super) fn trace<Q: Query>(
-    tree: &Blocks,
-    rays: &RayBatch<'_>,
-    query: &mut Q,
-    counters: &mut AccelCounters,
-) {
-    let mut lists: [Vec<u32>; OCTANTS] = std::array::from_fn(|_| Vec::with_capacity(rays.len));
-    for at in 0..rays.len {
-        let d = rays.direction.map(|column| column[at]);
-        let o = rays.origin.map(|column| column[at]);
-        let finite = o.iter().chain(&d).all(|x| x.is_finite());
-        if finite && d != [0.0; 3] {
-            let octant = (0..3).fold(0, |octant, k| octant | usize::from(d[k].is_sign_negative()) << k);
-            lists[octant].push(at as u32);
-        } else {
-            query.finish(at, f32::INFINITY, PrimitiveId::NONE);
-        }
-    }
-    let mut scratch = Scratch::new(tree.stack_bound);
-    macro_rules! octants {
-        ($($octant:literal)*) => {
-            $(Pass::<$octant, Q> { tree, rays, query, counters, scratch: &mut scratch }.run(&lists[$octant]);)*
-        };
-    }
-    octants!(0 1 2 3 4 5 6 7);
-}
-
+/// Memory of a worker.
+#[derive(Debug, Default)]
 struct Scratch {
     flights: Vec<Flight>,
-    stride: usize,
+    /// Per flight, one after the other: entry distances and references put aside, [`DONE`] first.
     stack_t: Vec<f32>,
     stack: Vec<u32>,
+    /// Entries of a flight's part of the stacks.
+    stride: usize,
+    /// Octants of the rays, [`OCTANTS`] for those that hit nothing.
+    octant: Vec<u32>,
+    /// Rays by octant.
+    order: Vec<u32>,
+    packet: packet::Scratch,
 }
 
 impl Scratch {
-    fn new(bound: usize) -> Self {
-        let stride = bound + 17;
-        Self {
-            flights: vec![bytemuck_zero(); IN_FLIGHT],
-            stride,
-            stack_t: vec![f32::NEG_INFINITY; stride * IN_FLIGHT + 32],
-            stack: vec![DONE; stride * IN_FLIGHT + 32],
+    /// Makes room, sorts the rays by octant and finishes those that hit nothing; where each octant begins.
+    fn prepare<Q: Query>(
+        &mut self,
+        tree: &Blocks,
+        rays: &RayBatch<'_>,
+        query: &mut Q,
+    ) -> [usize; OCTANTS + 1] {
+        let stride = tree.stack_bound + packet::MOST_PENDING + LANES;
+        if self.stride < stride {
+            self.stride = stride;
+            self.stack_t.resize(stride * IN_FLIGHT, 0.0);
+            self.stack.resize(stride * IN_FLIGHT, DONE);
         }
+        self.flights.resize(IN_FLIGHT, Flight::NONE);
+        self.packet.reserve(tree.stack_bound);
+        let room = padded(rays.len) + LANES;
+        if self.order.len() < room {
+            self.order.resize(room, 0);
+            self.octant.resize(room, 0);
+        }
+        for at in (0..rays.len).step_by(LANES) {
+            store_u32(&mut self.octant, at, octant_of(rays, at));
+        }
+        let mut starts = [0; OCTANTS + 1];
+        let mut count = 0;
+        for octant in 0..=OCTANTS {
+            starts[octant] = count;
+            for at in (0..rays.len).step_by(LANES) {
+                let here = load_u32(&self.octant, at).eq(U32s::splat(octant as u32))
+                    & Mask::first(rays.len - at);
+                let ray = iota() + U32s::splat(at as u32);
+                compress_u32(&mut self.order, count, here, ray);
+                count += here.count();
+            }
+        }
+        for &ray in &self.order[starts[OCTANTS]..count] {
+            query.finish(ray as usize, f32::INFINITY, PrimitiveId::NONE);
+        }
+        starts
     }
 }
 
-fn bytemuck_zero() -> Flight {
-    Flight {
-        reciprocal: [f32x16::splat(0.0); 3],
-        shear: ShearRay::new([0.0; 3], [1.0; 3]),
-        origin: [0.0; 3],
+/// The octant of each direction, or [`OCTANTS`] for rays with NaN or infinity, or without direction.
+#[inline(always)]
+fn octant_of(rays: &RayBatch<'_>, at: usize) -> U32s {
+    let direction = rays.direction.map(|column| load(column, at));
+    let origin = rays.origin.map(|column| load(column, at));
+    let most = F32s::splat(f32::MAX);
+    let finite = |v: [F32s; 3]| v[0].abs().le(most) & v[1].abs().le(most) & v[2].abs().le(most);
+    let zero = F32s::splat(0.0);
+    let moves = direction[0].ne(zero) | direction[1].ne(zero) | direction[2].ne(zero);
+    let sound = finite(origin) & finite(direction) & moves;
+    let sign = |k: usize| (to_bits(direction[k]) >> 31) << k as u32;
+    sound.select_u32(sign(0) | sign(1) | sign(2), U32s::splat(OCTANTS as u32))
+}
+
+impl Flight {
+    const NONE: Self = Self {
+        reciprocal: [f32x16::ZERO; 3],
+        shear: ShearRay::NONE,
         t: 0.0,
-        primitive: 0,
-        skip: 0,
-        target: 0,
+        primitive: PrimitiveId::NONE,
+        skip: PrimitiveId::NONE,
+        target: PrimitiveId::NONE,
         ray: 0,
-        current: 0,
+        current: DONE,
         top: 0,
-    }
+    };
 }
 
+/// Flights by what they do next.
 struct Lists {
-    nodes: [u32; IN_FLIGHT + 16],
-    leaves: [u32; IN_FLIGHT + 16],
-    done: [u32; IN_FLIGHT + 16],
-    node_count: usize,
-    leaf_count: usize,
-    done_count: usize,
+    nodes: List,
+    leaves: List,
+    /// Flights whose rays have their answers.
+    done: List,
+}
+
+/// Numbers of flights, with room for one more vector of lanes.
+struct List {
+    flights: [u32; IN_FLIGHT + LANES],
+    len: usize,
+}
+
+impl List {
+    const EMPTY: Self = Self {
+        flights: [0; IN_FLIGHT + LANES],
+        len: 0,
+    };
+
+    #[inline(always)]
+    fn append(&mut self, mask: Mask, flights: U32s) {
+        compress_u32(&mut self.flights, self.len, mask, flights);
+        self.len += mask.count();
+    }
+
+    /// Takes all that is in it.
+    #[inline(always)]
+    fn take(&mut self) -> ([u32; IN_FLIGHT + LANES], usize) {
+        (self.flights, std::mem::take(&mut self.len))
+    }
 }
 
 impl Lists {
+    /// Appends the first `count` of `flights` by the references that they go to `next`.
     #[inline(always)]
-    fn distribute(&mut self, ids: &[u32], next: &[u32], count: usize) {
-        use crate::math::lanes::{load_u32, compress_u32};
+    fn distribute(&mut self, flights: &[u32], next: &[u32], count: usize) {
         for at in (0..count).step_by(LANES) {
             let valid = Mask::first(count - at);
-            let (ids, next) = (load_u32(ids, at), load_u32(next, at));
+            let (flights, next) = (load_u32(flights, at), load_u32(next, at));
+            let node = next.lt(U32s::splat(LEAF)) & valid;
             let done = next.eq(U32s::splat(DONE)) & valid;
-            let nodes = next.lt(U32s::splat(LEAF)) & valid;
-            let leaves = valid & !nodes & !done;
-            compress_u32(&mut self.nodes, self.node_count, nodes, ids);
-            self.node_count += nodes.count();
-            compress_u32(&mut self.leaves, self.leaf_count, leaves, ids);
-            self.leaf_count += leaves.count();
-            compress_u32(&mut self.done, self.done_count, done, ids);
-            self.done_count += done.count();
+            self.nodes.append(node, flights);
+            self.done.append(done, flights);
+            self.leaves.append(valid & !node & !done, flights);
         }
     }
 }
 
-struct Pass<'a, 'b, const OCTANT: usize, Q> {
+/// Traversal by the rays of one octant.
+struct Traversal<'a, 'b, const OCTANT: usize, const SPHERES: bool, Q> {
     tree: &'a Blocks,
+    packets: Packets,
     rays: &'a RayBatch<'b>,
     query: &'a mut Q,
     counters: &'a mut AccelCounters,
     scratch: &'a mut Scratch,
+    lists: Lists,
+    /// Flights without a ray.
+    free: [u32; IN_FLIGHT],
+    free_len: usize,
 }
 
-impl<const OCTANT: usize, Q: Query> Pass<'_, '_, OCTANT, Q> {
-    fn run(mut self, order: &[u32]) {
-        let mut lists = Lists { nodes: [0; IN_FLIGHT + 16], leaves: [0; IN_FLIGHT + 16], done: [0; IN_FLIGHT + 16], node_count: 0, leaf_count: 0, done_count: 0 };
-        let mut waiting = order.iter();
-        for slot in 0..IN_FLIGHT {
-            lists.done[slot] = slot as u32;
-        }
-        lists.done_count = IN_FLIGHT.min(order.len());
-        for slot in 0..lists.done_count {
-            self.scratch.flights[slot].ray = u32::MAX;
-        }
-        let mut next = [DONE; IN_FLIGHT + 16];
+impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTANT, SPHERES, Q> {
+    /// Traces the rays at these places of the order.
+    fn run(mut self, mut waiting: Range<usize>) {
+        // Where the flights of the list at hand go.
+        let mut next = [DONE; IN_FLIGHT + LANES];
         loop {
-            let done = lists.done_count;
-            lists.done_count = 0;
-            let mut begun = 0;
-            for i in 0..done {
-                let slot = lists.done[i] as usize;
-                let flight = &mut self.scratch.flights[slot];
-                if flight.ray != u32::MAX {
-                    self.query.finish(flight.ray as usize, flight.t, flight.primitive);
-                    flight.ray = u32::MAX;
-                }
-                if let Some(&ray) = waiting.next() {
-                    self.begin(slot, ray as usize);
-                    self.scratch.flights[slot].current = self.tree.root;
-                    next[begun] = self.tree.root;
-                    lists.done[begun] = slot as u32;
-                    begun += 1;
-                }
+            while !waiting.is_empty() && self.free_len >= LANES.min(waiting.len()) {
+                let group = waiting.start..waiting.end.min(waiting.start + LANES);
+                waiting.start = group.end;
+                self.begin(group);
             }
-            let ids = lists.done;
-            lists.distribute(&ids, &next, begun);
-            let (nodes, leaves) = (lists.node_count, lists.leaf_count);
-            if nodes + leaves + lists.done_count == 0 {
+            if self.free_len == IN_FLIGHT {
                 break;
             }
-            lists.node_count = 0;
-            self.counters.nodes += nodes as u64;
-            for i in 0..nodes {
-                let slot = unsafe { *lists.nodes.get_unchecked(i) } as usize;
-                let reference = self.visit_node(slot);
-                self.tree.prefetch(reference);
-                unsafe { self.scratch.flights.get_unchecked_mut(slot).current = reference; *next.get_unchecked_mut(i) = reference };
+            let (nodes, count) = self.lists.nodes.take();
+            self.counters.nodes += count as u64;
+            for (&slot, next) in nodes[..count].iter().zip(&mut next) {
+                *next = self.visit_node(slot as usize);
+                self.tree.prefetch(*next);
             }
-            let ids = lists.nodes;
-            lists.distribute(&ids, &next, nodes);
-            let leaves = lists.leaf_count;
-            lists.leaf_count = 0;
-            for i in 0..leaves {
-                let slot = unsafe { *lists.leaves.get_unchecked(i) } as usize;
-                let reference = self.visit_leaf(slot);
-                self.tree.prefetch(reference);
-                unsafe { self.scratch.flights.get_unchecked_mut(slot).current = reference; *next.get_unchecked_mut(i) = reference };
+            self.lists.distribute(&nodes, &next, count);
+            let (leaves, count) = self.lists.leaves.take();
+            for (&slot, next) in leaves[..count].iter().zip(&mut next) {
+                *next = self.visit_leaf(slot as usize);
+                self.tree.prefetch(*next);
             }
-            let ids = lists.leaves;
-            lists.distribute(&ids, &next, leaves);
+            self.lists.distribute(&leaves, &next, count);
+            let (done, count) = self.lists.done.take();
+            for &slot in &done[..count] {
+                let flight = &self.scratch.flights[slot as usize];
+                self.query
+                    .finish(flight.ray as usize, flight.t, flight.primitive);
+                self.free[self.free_len] = slot;
+                self.free_len += 1;
+            }
         }
     }
 
+    /// Starts the rays at these places of the order, at most [`LANES`], in free flights.
     #[inline(always)]
-    fn begin(&mut self, slot: usize, ray: usize) {
-        let origin = self.rays.origin.map(|column| column[ray]);
-        let direction = self.rays.direction.map(|column| column[ray]);
-        let (t, target) = self.query.end(ray);
-        let reciprocal = direction.map(|d| {
-            let r = (1.0 / d).abs();
-            let halves = [f32x8::splat(r), f32x8::splat(-r)];
-            bytemuck::cast::<_, f32x16>(halves)
-        });
-        self.scratch.flights[slot] = Flight {
-            reciprocal,
-            shear: ShearRay::new(origin, direction),
-            origin,
-            t,
-            primitive: PrimitiveId::NONE,
-            skip: self.rays.skip[ray],
-            target,
-            ray: ray as u32,
-            current: 0,
-            top: (slot * self.scratch.stride + 1) as u32,
+    fn begin(&mut self, group: Range<usize>) {
+        let valid = Mask::first(group.len());
+        let ray = load_u32(&self.scratch.order, group.start);
+        let len = self.rays.len;
+        let gather3 = |columns: [&[f32]; 3]| {
+            let [x, y, z] = columns.map(|column| gather(&column[..len], ray));
+            Vec3s::new(x, y, z)
         };
+        let skip = gather_u32(&self.rays.skip[..len], ray);
+        let (t, target) = self.query.ends(ray);
+        let origin = gather3(self.rays.origin);
+        let mut rays = PacketRays::new(origin, gather3(self.rays.direction), skip, t, target);
+        let axis = rays.common_axis(valid).filter(|_| {
+            self.packets == Packets::Always || rays.is_coherent(valid)
+        });
+        if let Some(axis) = axis {
+            packet::descend::<OCTANT, SPHERES, Q>(
+                self.tree,
+                &mut rays,
+                axis,
+                valid,
+                &mut self.scratch.packet,
+                self.counters,
+            );
+        }
+        let lanes = RayLanes::new(&rays);
+        for (lane, &ray) in ray.as_array()[..group.len()].iter().enumerate() {
+            let flight = lanes.flight(lane, ray);
+            let slot = self.free[self.free_len - 1] as usize;
+            let base = slot * self.scratch.stride;
+            let scratch = &mut *self.scratch;
+            scratch.stack[base] = DONE;
+            scratch.stack_t[base] = f32::NEG_INFINITY;
+            let mut top = base + 1;
+            let current = if axis.is_some() {
+                // The last that the group came to is the first to be put aside.
+                let pending = &scratch.packet.pending[lane];
+                for at in (0..pending.len).rev() {
+                    scratch.stack_t[top] = pending.t[at];
+                    scratch.stack[top] = pending.reference[at];
+                    top += usize::from(pending.t[at] <= flight.t * FAR_PADDING);
+                }
+                top -= 1;
+                scratch.stack[top]
+            } else {
+                self.tree.root
+            };
+            if current == DONE {
+                self.query.finish(ray as usize, flight.t, flight.primitive);
+                continue;
+            }
+            scratch.flights[slot] = Flight {
+                current,
+                top: top as u32,
+                ..flight
+            };
+            self.tree.prefetch(current);
+            self.free_len -= 1;
+            let list = if current & LEAF == 0 {
+                &mut self.lists.nodes
+            } else {
+                &mut self.lists.leaves
+            };
+            list.flights[list.len] = slot as u32;
+            list.len += 1;
+        }
     }
 
+    /// Visits the node at which a flight is, and gives where it goes.
     #[inline(always)]
     fn visit_node(&mut self, slot: usize) -> u32 {
-        let flight = unsafe { self.scratch.flights.get_unchecked_mut(slot) };
+        let flight = &mut self.scratch.flights[slot];
         let node = self.tree.node(flight.current);
-        let minus_infinity = f32x16::splat(f32::NEG_INFINITY);
-        let base: f32x16 = bytemuck::cast([f32x8::splat(0.0), f32x8::splat(-flight.t)]);
-        let (mut up, mut down) = (base, minus_infinity);
-        for axis in 0..3 {
-            let t = (node.planes[axis] - f32x16::splat(flight.origin[axis])) * flight.reciprocal[axis];
-            if OCTANT >> axis & 1 == 0 {
-                up = t.fast_max(up);
-            } else {
-                down = t.fast_max(down);
-            }
-        }
-        let both = if OCTANT == 0 {
-            up
-        } else {
-            let [low, high]: [f32x8; 2] = bytemuck::cast(down);
-            up.fast_max(bytemuck::cast([high, low]))
-        };
-        let [near, minus_far]: [f32x8; 2] = bytemuck::cast(both);
-        let inside = minus_far.mul_add(f32x8::splat(FAR_PADDING), near);
-        let mask = inside.simd_le(f32x8::splat(0.0)).to_bitmask();
-        let order = &ORDER[OCTANT][(mask & 255) as usize];
+        let limits = bytemuck::cast([f32x8::splat(0.0), f32x8::splat(-flight.t)]);
+        let origin = flight.shear.origin();
+        let (mask, near) = entered::<OCTANT>(limits, |axis| {
+            (node.planes[axis] - f32x16::splat(origin[axis])) * flight.reciprocal[axis]
+        });
+        let order = &ORDER[OCTANT][mask as usize];
         let near = permute(near, order);
-        let children: f32x8 = permute(bytemuck::cast(node.children), order);
+        let children = permute(bytemuck::cast(node.children), order);
+        let children: [u32; WIDTH] = bytemuck::cast(children);
         let top = flight.top as usize;
-        unsafe {
-            let below = *self.scratch.stack.get_unchecked(top - 1);
-            *self.scratch.stack_t.as_mut_ptr().add(top).cast::<[f32; 8]>() = near.to_array();
-            *self.scratch.stack.as_mut_ptr().add(top).cast::<[f32; 8]>() = children.to_array();
-            flight.top = (top + mask.count_ones() as usize - 1) as u32;
-            let nearest = bytemuck::cast::<_, [u32; 8]>(children)[7];
-            if mask == 0 { below } else { nearest }
-        }
+        let below = self.scratch.stack[top - 1];
+        let put = |stack: &mut [u32], values: [u32; WIDTH]| {
+            stack[top..top + WIDTH].copy_from_slice(&values);
+        };
+        put(
+            bytemuck::cast_slice_mut(&mut self.scratch.stack_t),
+            bytemuck::cast(near),
+        );
+        put(&mut self.scratch.stack, children);
+        // The nearest child, or what was put aside last, is taken at once.
+        flight.top = (top + mask.count_ones() as usize - 1) as u32;
+        let next = if mask == 0 { below } else { children[NEAREST] };
+        flight.current = next;
+        next
     }
 
+    /// Visits the leaf at which a flight is, and gives where it goes.
     #[inline(always)]
     fn visit_leaf(&mut self, slot: usize) -> u32 {
-        let flight = unsafe { self.scratch.flights.get_unchecked_mut(slot) };
+        let flight = &mut self.scratch.flights[slot];
         let leaf = self.tree.leaf(flight.current);
-        let valid = Mask::first(leaf.count);
-        self.counters.tests += leaf.count as u64;
-        let (hits, t) = flight.shear.intersect_rows(|axis, corner| leaf.row(axis, corner, valid), valid);
-        if hits.any() {
-            let ids = leaf.ids(valid);
-            let hits = hits & !Compare::eq(ids, U32s::splat(flight.skip));
-            if Q::ANY {
-                let hits = hits & t.lt(F32s::splat(flight.t)) & !Compare::eq(ids, U32s::splat(flight.target));
-                if hits.any() {
-                    flight.primitive = 0;
-                    return DONE;
-                }
-            } else {
-                let hits = hits & t.le(F32s::splat(flight.t));
-                if hits.any() {
-                    let (t, ids) = (t.to_array(), ids.to_array());
-                    for lane in hits.lanes() {
-                        if t[lane] < flight.t || (t[lane] == flight.t && ids[lane] < flight.primitive) {
-                            flight.t = t[lane];
-                            flight.primitive = ids[lane];
-                        }
-                    }
-                    let base = slot * self.scratch.stride;
-                    flight.top = (base + filter(
-                        &mut self.scratch.stack_t[base..],
-                        &mut self.scratch.stack[base..],
-                        flight.top as usize - base,
-                        flight.t * FAR_PADDING,
-                    )) as u32;
-                }
+        self.counters.tests += (leaf.triangles + leaf.spheres) as u64;
+        let mut closer = false;
+        if !SPHERES || leaf.triangles > 0 {
+            let valid = Mask::first(leaf.triangles);
+            let (hits, t) = flight
+                .shear
+                .intersect_rows(|axis, corner| leaf.row(axis, corner, valid), valid);
+            if hits.any() {
+                let ids = leaf.ids(valid);
+                let hits = hits & !ids.eq(U32s::splat(flight.skip));
+                closer |= flight.take::<Q>(hits, t, ids);
             }
         }
-        flight.top -= 1;
-        unsafe { *self.scratch.stack.get_unchecked(flight.top as usize) }
+        if SPHERES && leaf.spheres > 0 {
+            let ([x, y, z, radius], ids, valid) = leaf.spheres();
+            let leaving = ids.eq(U32s::splat(flight.skip));
+            let origin = Vec3s::splat(flight.shear.origin());
+            let direction = Vec3s::splat(self.rays.direction.map(|d| d[flight.ray as usize]));
+            let t = sphere_distance(Vec3s::new(x, y, z), radius, origin, direction, leaving);
+            let hits = t.lt(F32s::splat(f32::INFINITY)) & valid;
+            closer |= flight.take::<Q>(hits, t, ids);
+        }
+        let mut top = flight.top as usize;
+        if closer {
+            if Q::ANY {
+                flight.current = DONE;
+                return DONE;
+            }
+            let base = slot * self.scratch.stride;
+            let part = base..base + self.scratch.stride;
+            let limit = flight.t * FAR_PADDING;
+            let t = &mut self.scratch.stack_t[part.clone()];
+            top = base + keep_near(t, &mut self.scratch.stack[part], top - base, limit);
+        }
+        flight.top = top as u32 - 1;
+        flight.current = self.scratch.stack[top - 1];
+        flight.current
     }
 }
 
-/// Keeps the entries that are no farther than `limit`; their number.
+impl Flight {
+    /// Takes hits where they count; whether one did.
+    #[inline(always)]
+    fn take<Q: Query>(&mut self, hits: Mask, t: F32s, ids: U32s) -> bool {
+        let end = F32s::splat(self.t);
+        if Q::ANY {
+            let hits = hits & t.lt(end) & !ids.eq(U32s::splat(self.target));
+            if let Some(lane) = hits.lanes().next() {
+                self.primitive = ids.as_array()[lane];
+            }
+            return hits.any();
+        }
+        let hits = hits & t.le(end);
+        let (t, ids) = (t.as_array(), ids.as_array());
+        for lane in hits.lanes() {
+            if t[lane] < self.t || (t[lane] == self.t && ids[lane] < self.primitive) {
+                (self.t, self.primitive) = (t[lane], ids[lane]);
+            }
+        }
+        hits.any()
+    }
+}
+
+/// A group of rays, taken apart.
+struct RayLanes {
+    origin: [[f32; LANES]; 3],
+    reciprocal: [[f32; LANES]; 3],
+    shear: [[f32; LANES]; 3],
+    largest: [Mask; 3],
+    t: [f32; LANES],
+    primitive: [u32; LANES],
+    skip: [u32; LANES],
+    target: [u32; LANES],
+}
+
+impl RayLanes {
+    #[inline(always)]
+    fn new(rays: &PacketRays) -> Self {
+        let arrays = |v: Vec3s| [v.x, v.y, v.z].map(F32s::to_array);
+        Self {
+            origin: arrays(rays.origin),
+            reciprocal: arrays(rays.reciprocal),
+            shear: rays.shear.map(F32s::to_array),
+            largest: rays.largest,
+            t: rays.t.to_array(),
+            primitive: rays.primitive.to_array(),
+            skip: rays.skip.to_array(),
+            target: rays.target.to_array(),
+        }
+    }
+
+    /// The flight of a lane's ray, at no place yet.
+    #[inline(always)]
+    fn flight(&self, lane: usize, ray: u32) -> Flight {
+        let at = |columns: &[[f32; LANES]; 3]| [0, 1, 2].map(|k| columns[k][lane]);
+        let largest = usize::from(self.largest[1].test(lane)) + 2 * usize::from(self.largest[2].test(lane));
+        Flight {
+            reciprocal: at(&self.reciprocal)
+                .map(|r| bytemuck::cast([f32x8::splat(r), f32x8::splat(-r)])),
+            shear: ShearRay::from_parts(at(&self.origin), largest, at(&self.shear)),
+            t: self.t[lane],
+            primitive: self.primitive[lane],
+            skip: self.skip[lane],
+            target: self.target[lane],
+            ray,
+            current: DONE,
+            top: 0,
+        }
+    }
+}
+
+/// Which of eight children are entered, and where. `t(axis)` are distances of the lower planes, then
+/// those of the upper planes, the ones of far planes negated; `limits` the least of the near ones, then
+/// minus the most of the far ones. The roundings are those of [`crate::geometry::slab::SlabRay`].
 #[inline(always)]
-fn filter(t: &mut [f32], refs: &mut [u32], size: usize, limit: f32) -> usize {
-    use crate::math::lanes::{compress, compress_u32, load, load_u32};
+pub(super) fn entered<const OCTANT: usize>(
+    limits: f32x16,
+    t: impl Fn(usize) -> f32x16,
+) -> (u32, f32x8) {
+    // Along axes that the ray descends, near planes are the upper ones. NaN (0·∞) drops out.
+    let mut up = limits;
+    let mut down = f32x16::splat(f32::NEG_INFINITY);
+    for axis in 0..3 {
+        if OCTANT >> axis & 1 == 0 {
+            up = keep_max16(t(axis), up);
+        } else {
+            down = keep_max16(t(axis), down);
+        }
+    }
+    if OCTANT != 0 {
+        let [low, high]: [f32x8; 2] = bytemuck::cast(down);
+        up = up.fast_max(bytemuck::cast([high, low]));
+    }
+    let [near, minus_far]: [f32x8; 2] = bytemuck::cast(up);
+    let gap = minus_far.mul_add(f32x8::splat(FAR_PADDING), near);
+    (gap.simd_le(f32x8::splat(0.0)).to_bitmask() & 0xff, near)
+}
+
+/// Keeps the entries of a stack that are no farther than `limit`, in order; their number.
+#[inline(always)]
+fn keep_near(t: &mut [f32], references: &mut [u32], len: usize, limit: f32) -> usize {
     let mut kept = 0;
-    for at in (0..size).step_by(LANES) {
-        let (ts, rs) = (load(t, at), load_u32(refs, at));
-        let keep = ts.le(F32s::splat(limit)) & Mask::first(size - at);
-        compress(t, kept, keep, ts);
-        compress_u32(refs, kept, keep, rs);
+    for at in (0..len).step_by(LANES) {
+        let (near, reference) = (load(t, at), load_u32(references, at));
+        let keep = near.le(F32s::splat(limit)) & Mask::first(len - at);
+        compress(t, kept, keep, near);
+        compress_u32(references, kept, keep, reference);
         kept += keep.count();
     }
     kept
-}
-
-#[inline(always)]
-fn permute(v: f32x8, order: &[u8; 8]) -> f32x8 {
-    #[cfg(target_feature = "avx2")]
-    #[allow(unsafe_code, reason = "no safe form")]
-    // SAFETY: registers only; the build has AVX2.
-    unsafe {
-        use std::arch::x86_64::*;
-        let index = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(i64::from_le_bytes(*order)));
-        return _mm256_permutevar8x32_ps(v.into(), index).into();
-    }
-    #[allow(unreachable_code, reason = "other machines")]
-    {
-        let v = v.to_array();
-        f32x8::from(order.map(|slot| v[slot as usize & 7]))
-    }
 }

@@ -1,15 +1,64 @@
-//! The binary tree behind both hierarchies. obvhs builds it (PLOC by Meister and Bittner, 2018, and
-//! parallel reinsertion, 2018, by the same); nothing of obvhs traverses it.
+//! The binary tree behind all hierarchies: clusters merged along a Morton curve, then improved by obvhs's
+//! parallel reinsertion (Meister and Bittner, "Parallel Reinsertion for Bounding Volume Hierarchy
+//! Optimization", 2018). Nothing of obvhs traverses it.
 
-use std::collections::HashMap;
-
+use glam::Vec3A;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2 as ObvhsTree;
-use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
-use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+use rayon::prelude::*;
 
-use crate::geometry::Geometry;
+use super::build_options::{BuildOptions, BuildPhase};
+use super::{morton, ploc, reinsertion};
 use crate::geometry::slab::Bounds;
+use crate::geometry::{Geometry, Sphere, Triangle};
+
+/// A node of a binary tree: children `first_index` and the next one, or (`is_leaf`) the box of the
+/// primitive `first_index`.
+pub(super) type Node = obvhs::bvh2::node::Bvh2Node;
+
+/// The binary tree over all primitives, one in each leaf: the root is node 0, siblings are neighbours.
+/// Empty without primitives.
+pub(super) fn build(geometry: &Geometry, options: &BuildOptions<'_>) -> Vec<Node> {
+    let preset = options.quality.preset();
+    options.report(BuildPhase::Sort, 0.0);
+    let leaves = morton::sorted(&primitive_boxes(geometry));
+    let tree = ploc::cluster(leaves, preset.window, |share| {
+        options.report(BuildPhase::Cluster, share);
+    });
+    reinsertion::optimize(tree, preset.reinsertion, |share| {
+        options.report(BuildPhase::Optimize, share);
+    })
+}
+
+/// A leaf for each primitive.
+fn primitive_boxes(geometry: &Geometry) -> Vec<Node> {
+    let triangles = geometry.triangles.par_iter().map(triangle_box);
+    let spheres = geometry.spheres.par_iter().map(sphere_box);
+    (triangles.chain(spheres).enumerate())
+        .map(|(id, bounds)| Node::new(bounds, 1, id as u32))
+        .collect()
+}
+
+fn triangle_box(triangle: &Triangle) -> Aabb {
+    let [a, b, c] = triangle.corners.map(Vec3A::from);
+    Aabb::new(a.min(b).min(c), a.max(b).max(c))
+}
+
+/// Rounded outward, so that no point of the sphere is outside.
+fn sphere_box(sphere: &Sphere) -> Aabb {
+    let side = |sign: f32| sphere.center.map(|c| c + sign * sphere.radius);
+    Aabb::new(
+        side(-1.0).map(f32::next_down).into(),
+        side(1.0).map(f32::next_up).into(),
+    )
+}
+
+/// The box of a node.
+pub(super) fn node_bounds(node: &Node) -> Bounds {
+    let bounds = node.aabb();
+    Bounds {
+        corners: [bounds.min.to_array(), bounds.max.to_array()],
+    }
+}
 
 /// A node over a run of [`BinaryTree::order`].
 #[derive(Debug, Clone, Copy)]
@@ -26,7 +75,7 @@ pub(super) struct BinaryNode {
 /// A binary tree with one primitive per leaf. The root is node 0.
 #[derive(Debug)]
 pub(super) struct BinaryTree {
-    /// Every node comes before its children; empty without primitives.
+    /// Depth first; empty without primitives.
     pub(super) nodes: Vec<BinaryNode>,
     /// Primitive ids, leaf by leaf from left to right.
     pub(super) order: Vec<u32>,
@@ -43,155 +92,53 @@ pub(super) struct Pending {
     pub(super) depth: usize,
 }
 
-/// Share of nodes that each reinsertion pass looks at.
-const REINSERTION_SHARE: f32 = 0.15;
-
-/// What a node is made from.
-enum Source<'a> {
-    /// A node of the tree that obvhs built.
-    Node(u32),
-    /// Primitives that share one centroid.
-    Same(&'a [u32]),
-}
-
-/// Boxes of all primitives, exact for triangles.
-fn primitive_bounds(geometry: &Geometry) -> Vec<Bounds> {
-    let spheres = geometry.spheres.iter().map(|sphere| {
-        // Rounded outward, so that no point of the sphere is outside.
-        let side = |sign: f32| sphere.center.map(|c| c + sign * sphere.radius);
-        Bounds {
-            corners: [side(-1.0).map(f32::next_down), side(1.0).map(f32::next_up)],
-        }
-    });
-    geometry
-        .triangles
-        .iter()
-        .map(|triangle| Bounds::of(&triangle.corners))
-        .chain(spheres)
-        .collect()
-}
-
 impl BinaryTree {
-    /// Builds over all primitives.
+    /// Builds over all primitives at medium quality.
     pub(super) fn new(geometry: &Geometry) -> Self {
-        let bounds = primitive_bounds(geometry);
-        if bounds.is_empty() {
-            return Self {
-                nodes: Vec::new(),
-                order: Vec::new(),
-            };
-        }
-        let groups = same_centroid(&bounds);
-        let group_bounds: Vec<Aabb> = groups
-            .iter()
-            .map(|group| {
-                let union = group
-                    .iter()
-                    .fold(Bounds::EMPTY, |all, &id| all.union(&bounds[id as usize]));
-                Aabb::new(union.corners[0].into(), union.corners[1].into())
-            })
-            .collect();
-        let built = build(&group_bounds);
-        convert(&built, &groups, &bounds)
+        Self::with_options(geometry, &BuildOptions::default())
     }
-}
 
-/// Primitives by centroid, in order of their first member. PLOC's time is quadratic in the number of
-/// equal centroids, so that each group is built as one primitive and halved by index afterwards.
-fn same_centroid(bounds: &[Bounds]) -> Vec<Vec<u32>> {
-    let mut index = HashMap::new();
-    let mut groups: Vec<Vec<u32>> = Vec::new();
-    for (id, bounds) in (0u32..).zip(bounds) {
-        let [low, high] = &bounds.corners;
-        let centroid = [0, 1, 2].map(|k| (0.5 * low[k] + 0.5 * high[k] + 0.0).to_bits());
-        let group = *index.entry(centroid).or_insert_with(|| {
-            groups.push(Vec::new());
-            groups.len() - 1
-        });
-        groups[group].push(id);
+    /// Builds over all primitives.
+    pub(super) fn with_options(geometry: &Geometry, options: &BuildOptions<'_>) -> Self {
+        Self::depth_first(&build(geometry, options))
     }
-    groups
-}
 
-fn build(bounds: &[Aabb]) -> ObvhsTree {
-    let indices = (0..bounds.len() as u32).collect();
-    let mut tree = PlocBuilder::with_capacity(bounds.len()).build(
-        PlocSearchDistance::Medium,
-        bounds,
-        indices,
-        SortPrecision::U64,
-        2,
-    );
-    ReinsertionOptimizer::default().run(&mut tree, REINSERTION_SHARE, None);
-    tree
-}
-
-/// Copies in depth-first order, without recursion: trees of bad scenes are as deep as they are large.
-fn convert(built: &ObvhsTree, groups: &[Vec<u32>], bounds: &[Bounds]) -> BinaryTree {
-    let mut nodes: Vec<BinaryNode> = Vec::with_capacity(2 * bounds.len() - 1);
-    let mut order: Vec<u32> = Vec::with_capacity(bounds.len());
-    // What is to be made, with the parent and the side on which it hangs.
-    let mut work: Vec<(Source<'_>, Option<(u32, usize)>)> = vec![(Source::Node(0), None)];
-    while let Some((source, parent)) = work.pop() {
-        let at = nodes.len() as u32;
-        if let Some((parent, side)) = parent
-            && let Some(children) = &mut nodes[parent as usize].children
-        {
-            children[side] = at;
-        }
-        let halves = match source {
-            Source::Node(index) => {
-                let node = &built.nodes[index as usize];
-                if node.is_leaf() {
-                    // The builder puts one primitive, here a group, into each leaf.
-                    let group = built.primitive_indices[node.first_index as usize] as usize;
-                    halve(&groups[group])
-                } else {
-                    Ok([
-                        Source::Node(node.first_index),
-                        Source::Node(node.first_index + 1),
-                    ])
-                }
+    /// Copies in depth-first order, without recursion: trees of bad scenes are as deep as they are large.
+    fn depth_first(built: &[Node]) -> Self {
+        let mut nodes: Vec<BinaryNode> = Vec::with_capacity(built.len());
+        let mut order = Vec::with_capacity(built.len().div_ceil(2));
+        // What is to be copied, with the parent and the side on which it hangs.
+        let mut work: Vec<(u32, Option<(u32, usize)>)> = Vec::new();
+        work.extend((!built.is_empty()).then_some((0, None)));
+        while let Some((source, parent)) = work.pop() {
+            let at = nodes.len() as u32;
+            if let Some((parent, side)) = parent
+                && let Some(children) = &mut nodes[parent as usize].children
+            {
+                children[side] = at;
             }
-            Source::Same(group) => halve(group),
-        };
-        let mut node = BinaryNode {
-            bounds: Bounds::EMPTY,
-            first: order.len() as u32,
-            count: 1,
-            children: None,
-        };
-        match halves {
-            Ok([left, right]) => {
-                node.children = Some([0; 2]);
-                work.push((right, Some((at, 1))));
-                work.push((left, Some((at, 0))));
-            }
-            Err(primitive) => {
-                node.bounds = bounds[primitive as usize];
-                order.push(primitive);
+            let node = &built[source as usize];
+            let is_leaf = node.is_leaf();
+            nodes.push(BinaryNode {
+                bounds: node_bounds(node),
+                first: order.len() as u32,
+                count: 1,
+                children: (!is_leaf).then_some([0; 2]),
+            });
+            if is_leaf {
+                order.push(node.first_index);
+            } else {
+                work.push((node.first_index + 1, Some((at, 1))));
+                work.push((node.first_index, Some((at, 0))));
             }
         }
-        nodes.push(node);
-    }
-    // Children come after their parents, so that a sweep from the back sees them finished.
-    for at in (0..nodes.len()).rev() {
-        if let Some([left, right]) = nodes[at].children {
-            let (left, right) = (nodes[left as usize], nodes[right as usize]);
-            nodes[at].bounds = left.bounds.union(&right.bounds);
-            nodes[at].count = left.count + right.count;
+        // Children come after their parents, so that a sweep from the back sees them finished.
+        for at in (0..nodes.len()).rev() {
+            if let Some([left, right]) = nodes[at].children {
+                nodes[at].count = nodes[left as usize].count + nodes[right as usize].count;
+            }
         }
-    }
-    BinaryTree { nodes, order }
-}
-
-/// Two halves, or the only member.
-fn halve(group: &[u32]) -> Result<[Source<'_>; 2], u32> {
-    let (left, right) = group.split_at(group.len() / 2);
-    if left.is_empty() {
-        Err(right[0])
-    } else {
-        Ok([Source::Same(left), Source::Same(right)])
+        Self { nodes, order }
     }
 }
 
@@ -209,7 +156,7 @@ mod tests {
             seen.into_iter().eq(0..geometry.len() as u32),
             "every primitive is in one leaf"
         );
-        let bounds = primitive_bounds(geometry);
+        let bounds: Vec<Bounds> = primitive_boxes(geometry).iter().map(node_bounds).collect();
         let mut depth = vec![1; tree.nodes.len()];
         for (at, node) in tree.nodes.iter().enumerate() {
             let run = &tree.order[node.first as usize..(node.first + node.count) as usize];

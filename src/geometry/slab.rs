@@ -2,7 +2,7 @@
 //! direction, NaN (0·∞) dropped, the far side padded so that no box is missed by rounding (Ize, "Robust
 //! BVH Ray Traversal", Journal of Computer Graphics Techniques 2(2), 2013).
 
-use wide::f32x8;
+use wide::{f32x8, f32x16};
 
 use crate::math::float::gamma;
 
@@ -132,6 +132,16 @@ impl SlabRay {
 #[inline(always)]
 fn keep_max(new: f32x8, kept: f32x8) -> f32x8 {
     // The x86 instruction gives its second operand when either is NaN; other machines take the other NaN rule.
+    if cfg!(any(target_arch = "x86_64", target_arch = "x86")) {
+        new.fast_max(kept)
+    } else {
+        new.max(kept)
+    }
+}
+
+/// As [`keep_max`], for sixteen lanes.
+#[inline(always)]
+pub(crate) fn keep_max16(new: f32x16, kept: f32x16) -> f32x16 {
     if cfg!(any(target_arch = "x86_64", target_arch = "x86")) {
         new.fast_max(kept)
     } else {

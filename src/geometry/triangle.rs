@@ -10,13 +10,14 @@
 
 use super::{PrimitiveId, Triangle};
 use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s};
+use crate::math::vec3::Vec3s;
 
 /// A ray prepared for triangle tests.
 #[derive(Debug, Clone, Copy)]
 pub struct ShearRay {
     origin: [f32; 3],
     /// Axes taken as x, y and z; z is the direction's largest component.
-    axes: [usize; 3],
+    axes: [u32; 3],
     /// x and y per z, and the reciprocal of z.
     shear: [f32; 3],
 }
@@ -42,9 +43,35 @@ impl ShearRay {
         ];
         Self {
             origin,
-            axes: [x, y, z],
+            axes: [x, y, z].map(|axis| axis as u32),
             shear,
         }
+    }
+
+    /// Hits nothing.
+    pub const NONE: Self = Self {
+        origin: [0.0; 3],
+        axes: [0, 1, 2],
+        shear: [f32::NAN; 3],
+    };
+
+    /// A ray of which the largest component of the direction, and the shear, are known: see
+    /// [`shear_lanes`].
+    #[inline(always)]
+    pub fn from_parts(origin: [f32; 3], largest: usize, shear: [f32; 3]) -> Self {
+        /// Successors of each axis.
+        const AXES: [[u32; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
+        Self {
+            origin,
+            axes: AXES[largest],
+            shear,
+        }
+    }
+
+    /// Where the ray starts.
+    #[inline(always)]
+    pub fn origin(&self) -> [f32; 3] {
+        self.origin
     }
 
     /// Distance, > 0, at which the ray meets the triangle from either side.
@@ -66,7 +93,7 @@ impl ShearRay {
     /// Image of a point: x and y across the ray, z the distance along it.
     #[inline]
     fn project(&self, point: [f32; 3]) -> [f32; 3] {
-        let [kx, ky, kz] = self.axes;
+        let [kx, ky, kz] = self.axes.map(|axis| axis as usize);
         let z = point[kz] - self.origin[kz];
         [
             (point[kx] - self.origin[kx]) - self.shear[0] * z,
@@ -81,66 +108,137 @@ impl ShearRay {
         self.intersect_rows(|axis, corner| pack.corners[corner][axis], Mask::ALL)
     }
 
-    /// Lanes of `valid` whose triangles the line of the ray meets, and lanes that rounding leaves
-    /// undecided. `row(axis, corner)` are the lanes' coordinates.
-    #[inline(always)]
-    pub fn crosses_rows(&self, row: impl Fn(usize, usize) -> F32s, valid: Mask) -> Mask {
-        let [_, [u, v, w]] = self.edges(&row);
-        let zero = F32s::splat(0.0);
-        let positive = u.ge(zero) & v.ge(zero) & w.ge(zero);
-        let negative = u.le(zero) & v.le(zero) & w.le(zero);
-        (positive | negative) & valid
-    }
-
     /// Lanes of `valid` whose triangles the ray hits, and their distances, > 0 (undefined in other
-    /// lanes). `row(axis, corner)` are the lanes' coordinates.
+    /// lanes). `row(axis, corner)` is a coordinate of all the triangles.
     #[inline(always)]
     pub fn intersect_rows(
         &self,
         row: impl Fn(usize, usize) -> F32s,
         valid: Mask,
     ) -> (Mask, F32s) {
-        let [z, [u, v, w]] = self.edges(&row);
-        let zero = F32s::splat(0.0);
-        let positive = u.gt(zero) & v.gt(zero) & w.gt(zero);
-        let negative = u.lt(zero) & v.lt(zero) & w.lt(zero);
-        let undecided =
-            (Compare::eq(u, zero) | Compare::eq(v, zero) | Compare::eq(w, zero)) & valid;
-        let scale = F32s::splat(1.0) / (u + v + w);
-        let t = (u * scale) * z[0] + (v * scale) * z[1] + (w * scale) * z[2];
-        let hit = (positive | negative) & valid & t.gt(zero) & t.lt(F32s::splat(f32::INFINITY));
-        if undecided.none() {
-            return (hit, t);
+        let [kx, ky, kz] = self.axes.map(|axis| axis as usize);
+        let origin = [kx, ky, kz].map(|axis| F32s::splat(self.origin[axis]));
+        let shear = self.shear.map(F32s::splat);
+        let axes = [kx, ky, kz];
+        let corner = |corner| project(|axis| row(axis, corner), axes, origin, shear);
+        hits_of_projected([corner(0), corner(1), corner(2)], valid, || {
+            [0, 1, 2].map(|corner| project(|axis| row(axis, corner), axes, origin, shear))
+        })
+    }
+}
+
+/// [`LANES`] rays whose directions have the same largest component, prepared for triangle tests.
+#[derive(Debug, Clone, Copy)]
+pub struct ShearRays {
+    /// Along the axes taken as x, y and z.
+    origin: [F32s; 3],
+    axes: [usize; 3],
+    shear: [F32s; 3],
+}
+
+impl ShearRays {
+    /// Prepares rays from `origin` whose directions are largest along axis `largest`; `shear` as from
+    /// [`shear_lanes`].
+    #[inline(always)]
+    pub fn new(origin: Vec3s, largest: usize, shear: [F32s; 3]) -> Self {
+        let axes = [(largest + 1) % 3, (largest + 2) % 3, largest];
+        let columns = [origin.x, origin.y, origin.z];
+        Self {
+            origin: axes.map(|axis| columns[axis]),
+            axes,
+            shear,
         }
-        let corners = [0, 1, 2].map(|corner| self.project_pack(|axis| row(axis, corner)));
-        decide_in_f64(hit, t, undecided, corners)
     }
 
+    /// Lanes of `valid` whose rays hit the triangle, and their distances, > 0 (undefined in other lanes):
+    /// for each ray the bits that [`ShearRay::intersect`] gives.
     #[inline(always)]
-    fn edges(&self, row: impl Fn(usize, usize) -> F32s) -> [[F32s; 3]; 2] {
-        let [a, b, c] = [0, 1, 2].map(|corner| self.project_pack(|axis| row(axis, corner)));
-        let u = b[0] * c[1] - b[1] * c[0];
-        let v = c[0] * a[1] - c[1] * a[0];
-        let w = a[0] * b[1] - a[1] * b[0];
-        [[a[2], b[2], c[2]], [u, v, w]]
+    pub fn intersect(&self, corners: [[f32; 3]; 3], valid: Mask) -> (Mask, F32s) {
+        let (axes, origin, shear) = (self.axes, self.origin, self.shear);
+        let project = |corner: &[f32; 3]| {
+            project(|axis| F32s::splat(corner[axis]), axes, origin, shear)
+        };
+        let [a, b, c] = &corners;
+        hits_of_projected([project(a), project(b), project(c)], valid, || {
+            [a, b, c].map(project)
+        })
     }
+}
 
-    #[inline(always)]
-    fn project_pack(&self, corner: impl Fn(usize) -> F32s) -> [F32s; 3] {
-        let [kx, ky, kz] = self.axes;
-        let z = corner(kz) - F32s::splat(self.origin[kz]);
-        [
-            (corner(kx) - F32s::splat(self.origin[kx])) - F32s::splat(self.shear[0]) * z,
-            (corner(ky) - F32s::splat(self.origin[ky])) - F32s::splat(self.shear[1]) * z,
-            F32s::splat(self.shear[2]) * z,
-        ]
+/// Per lane of directions which axis is the largest, one mask per axis, and the shear that
+/// [`ShearRay::new`] makes.
+#[inline(always)]
+pub fn shear_lanes(direction: Vec3s) -> ([Mask; 3], [F32s; 3]) {
+    let Vec3s { x, y, z } = direction;
+    let (size_x, size_y, size_z) = (x.abs(), y.abs(), z.abs());
+    let x_first = size_x.gt(size_y);
+    let is_x = x_first & size_x.gt(size_z);
+    let is_y = !x_first & size_y.gt(size_z);
+    let is_z = !is_x & !is_y;
+    let pick = |[a, b, c]: [F32s; 3]| is_x.select(a, is_y.select(b, c));
+    let largest = pick([x, y, z]);
+    let shear = [
+        pick([y, z, x]) / largest,
+        pick([z, x, y]) / largest,
+        F32s::splat(1.0) / largest,
+    ];
+    ([is_x, is_y, is_z], shear)
+}
+
+/// Image of corners: x and y across the ray, z the distance along it. `origin` is along `axes`.
+#[inline(always)]
+fn project(
+    coordinate: impl Fn(usize) -> F32s,
+    axes: [usize; 3],
+    origin: [F32s; 3],
+    shear: [F32s; 3],
+) -> [F32s; 3] {
+    let z = coordinate(axes[2]) - origin[2];
+    [
+        (coordinate(axes[0]) - origin[0]) - shear[0] * z,
+        (coordinate(axes[1]) - origin[1]) - shear[1] * z,
+        shear[2] * z,
+    ]
+}
+
+/// Lanes of `valid` in which the z axis meets the triangle of projected corners, and its distance along
+/// the ray. `again` gives the corners once more where f64 decides: keeping them for that costs every test.
+#[inline(always)]
+fn hits_of_projected(
+    [a, b, c]: [[F32s; 3]; 3],
+    valid: Mask,
+    again: impl FnOnce() -> [[F32s; 3]; 3],
+) -> (Mask, F32s) {
+    let u = b[0] * c[1] - b[1] * c[0];
+    let v = c[0] * a[1] - c[1] * a[0];
+    let w = a[0] * b[1] - a[1] * b[0];
+    let zero = F32s::splat(0.0);
+    let positive = u.ge(zero) & v.ge(zero) & w.ge(zero);
+    let negative = u.le(zero) & v.le(zero) & w.le(zero);
+    let candidates = (positive | negative) & valid;
+    if candidates.none() {
+        return (Mask::NONE, zero);
     }
+    let scale = F32s::splat(1.0) / (u + v + w);
+    let t = (u * scale) * a[2] + (v * scale) * b[2] + (w * scale) * c[2];
+    let hit = candidates & t.gt(zero) & t.lt(F32s::splat(f32::INFINITY));
+    let undecided = (Compare::eq(u, zero) | Compare::eq(v, zero) | Compare::eq(w, zero)) & candidates;
+    if undecided.none() {
+        return (hit, t);
+    }
+    decide_in_f64(hit, t, undecided, again)
 }
 
 /// Replaces the answer of the undecided lanes.
 #[cold]
-fn decide_in_f64(mut hit: Mask, t: F32s, undecided: Mask, corners: [[F32s; 3]; 3]) -> (Mask, F32s) {
-    let corners = corners.map(|corner| corner.map(F32s::to_array));
+#[inline(never)]
+fn decide_in_f64(
+    mut hit: Mask,
+    t: F32s,
+    undecided: Mask,
+    again: impl FnOnce() -> [[F32s; 3]; 3],
+) -> (Mask, F32s) {
+    let corners = again().map(|corner| corner.map(F32s::to_array));
     let mut distances = t.to_array();
     for lane in undecided.lanes() {
         let bit = Mask(1 << lane);

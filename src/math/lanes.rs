@@ -197,6 +197,15 @@ pub fn load_u32(column: &[u32], at: usize) -> U32s {
     bytemuck::pod_read_unaligned(bytemuck::cast_slice(&column[at..at + LANES]))
 }
 
+/// The lanes of `first` (the first so many) at `column[at ..]`; zero elsewhere.
+///
+/// # Panics
+/// If `column` ends before `at + LANES`.
+#[inline(always)]
+pub fn load_first(column: &[f32], at: usize, first: Mask) -> F32s {
+    imp::load_first(unsafe { column.get_unchecked(at..at + LANES) }, first)
+}
+
 /// Writes `column[at .. at + LANES]`.
 #[inline(always)]
 pub fn store(column: &mut [f32], at: usize, value: F32s) {
@@ -364,6 +373,12 @@ mod imp {
         unsafe { _mm512_cvttps_epi32(v.into()) }.into()
     }
     #[inline(always)]
+    pub(super) fn load_first(from: &[f32], m: Mask) -> F32s {
+        debug_assert_eq!(from.len(), LANES);
+        // SAFETY: as above; the caller's slice has all lanes.
+        unsafe { _mm512_maskz_loadu_ps(m.0, from.as_ptr()) }.into()
+    }
+    #[inline(always)]
     pub(super) fn compress_f32(out: &mut [f32; LANES], m: Mask, v: F32s) {
         // Compress in a register and store whole: the store form of compress is slow on some CPUs.
         // SAFETY: as above.
@@ -475,6 +490,10 @@ mod imp {
     #[inline(always)]
     pub(super) fn to_u32(v: F32s) -> U32s {
         U32s::from(v.to_array().map(|x| x as u32))
+    }
+    #[inline(always)]
+    pub(super) fn load_first(from: &[f32], m: Mask) -> F32s {
+        select_f32(m, super::load(from, 0), F32s::splat(0.0))
     }
     #[inline(always)]
     pub(super) fn compress_f32(out: &mut [f32; LANES], m: Mask, v: F32s) {

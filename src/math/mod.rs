@@ -5,6 +5,7 @@ pub mod float;
 pub mod frame;
 pub mod lanes;
 pub mod mis;
+pub mod prefetch;
 pub mod table;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -13,5 +14,6 @@ pub mod warp;
 
 pub use frame::Frame;
 pub use lanes::{Compare, F32s, LANES, Mask, U32s};
+pub use prefetch::prefetch;
 pub use table::Table;
 pub use vec3::Vec3s;

@@ -1,0 +1,336 @@
+#![allow(unsafe_code, reason="x")]
+//! How the 8-wide tree lies in memory: nodes of four cache lines, and leaves of as many words as their
+//! primitives need, each node followed by its leaves.
+
+use rayon::prelude::*;
+use wide::f32x16;
+
+use super::collapse::{WIDTH, WideChild, WideNode, WideTree};
+use super::huge_pages;
+use crate::error::{Error, Result};
+use crate::geometry::slab::Bounds;
+use crate::geometry::{Geometry, Triangle};
+use crate::math::lanes::{F32s, LANES, Mask, U32s, load_first};
+
+/// Bit of a reference that says leaf. The other bits are a place in units of [`UNIT`] words.
+pub(super) const LEAF: u32 = 1 << 31;
+
+/// The reference that ends a traversal: no leaf lies at the very beginning.
+pub(super) const DONE: u32 = LEAF;
+
+/// Words of 4 bytes in a unit.
+const UNIT: usize = 4;
+/// Words in a cache line.
+const LINE: usize = 16;
+/// Cache lines of a node.
+const NODE_LINES: usize = size_of::<Node>() / size_of::<f32x16>();
+
+/// Words per triangle and per sphere of a leaf, with the id.
+const TRIANGLE_WORDS: usize = 1 + 9;
+const SPHERE_WORDS: usize = 1 + 4;
+
+/// Most triangles and spheres of a leaf.
+pub(super) const LEAF_SIZE: u32 = LANES as u32;
+
+/// Up to eight children with their boxes.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(64))]
+pub(super) struct Node {
+    /// Per axis the lower planes of the children, then the upper ones. Unused slots have empty boxes.
+    pub(super) planes: [f32x16; 3],
+    /// References of the children.
+    pub(super) children: [u32; WIDTH],
+    padding: [u32; WIDTH],
+}
+
+/// A leaf: ids of its triangles, their corners axis by axis and corner by corner; then ids, centres
+/// and radii of its spheres.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Leaf<'a> {
+    /// Number of triangles, at most [`LANES`].
+    pub(super) triangles: usize,
+    /// Number of spheres, at most [`LANES`].
+    pub(super) spheres: usize,
+    words: &'a [f32],
+}
+
+/// Nodes and leaves.
+#[derive(Debug)]
+pub(super) struct Blocks {
+    lines: Vec<f32x16>,
+    /// Reference of the root; [`DONE`] without primitives.
+    pub(super) root: u32,
+    /// Most entries that a traversal puts aside.
+    pub(super) stack_bound: usize,
+    /// Whether some leaf has spheres.
+    pub(super) has_spheres: bool,
+}
+
+impl Blocks {
+    /// Lays a tree out.
+    ///
+    /// # Errors
+    /// [`crate::ErrorKind::Limit`] if it takes 32 GiB or more.
+    pub(super) fn new(geometry: &Geometry, tree: &WideTree) -> Result<Self> {
+        let writer = Writer { geometry, tree };
+        let Some((_, root)) = tree.root else {
+            return Ok(Self {
+                lines: Vec::new(),
+                root: DONE,
+                stack_bound: WIDTH,
+                has_spheres: false,
+            });
+        };
+        // A leaf as the root is written as the only child of an unused node before it.
+        let lone = matches!(root, WideChild::Leaf { .. }).then(|| WideNode::of_one(root));
+        let nodes = lone.as_ref().map_or(&*tree.nodes, std::slice::from_ref);
+        let mut starts = Vec::with_capacity(nodes.len());
+        let mut total = 0;
+        for node in nodes {
+            starts.push(total);
+            total += writer.lines(node);
+        }
+        if total * LINE / UNIT >= LEAF as usize {
+            return Err(Error::limit("the tree takes more than 32 GiB"));
+        }
+        // Whole vectors may be read at the last word.
+        let mut lines = Vec::with_capacity(total + 1);
+        huge_pages::advise(&mut lines);
+        lines.resize(total + 1, f32x16::splat(0.0));
+        let mut rest = &mut *lines;
+        let mut regions = Vec::with_capacity(nodes.len());
+        for node in nodes {
+            let (region, others) = rest.split_at_mut(writer.lines(node));
+            regions.push(region);
+            rest = others;
+        }
+        regions
+            .into_par_iter()
+            .zip(nodes)
+            .enumerate()
+            .with_min_len(64)
+            .for_each(|(index, (region, node))| writer.write(node, starts[index], &starts, region));
+        let root = match lone {
+            Some(_) => bytemuck::cast_slice::<f32x16, u32>(&lines)[NODE_LINES * LINE - 2 * WIDTH],
+            None => 0,
+        };
+        Ok(Self {
+            lines,
+            root,
+            // Each level leaves at most all but one of its children behind.
+            stack_bound: tree.depth * (WIDTH - 1) + 1,
+            has_spheres: !geometry.spheres.is_empty(),
+        })
+    }
+
+    /// Bytes held.
+    pub(super) fn bytes(&self) -> usize {
+        std::mem::size_of_val(&*self.lines)
+    }
+
+    /// The node of a reference without [`LEAF`].
+    #[inline(always)]
+    pub(super) fn node(&self, reference: u32) -> &Node {
+        let first = reference as usize / (LINE / UNIT);
+        unsafe { &*self.lines.as_ptr().add(first).cast::<Node>() }
+    }
+
+    /// The leaf of a reference with [`LEAF`], which must not be [`DONE`].
+    #[inline(always)]
+    pub(super) fn leaf(&self, reference: u32) -> Leaf<'_> {
+        let words: &[f32] = bytemuck::cast_slice(&self.lines);
+        let words = unsafe { words.get_unchecked((reference & !LEAF) as usize * UNIT..) };
+        let header = words[0].to_bits();
+        Leaf {
+            triangles: (header & 0xff) as usize,
+            spheres: (header >> 8) as usize,
+            words: &words[1..],
+        }
+    }
+
+    /// Asks for the first four cache lines of what is referred to.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, reference: u32) {
+        let first = (reference & !LEAF) as usize / (LINE / UNIT);
+        for line in 0..NODE_LINES {
+            crate::math::prefetch(&self.lines, first + line);
+        }
+    }
+}
+
+impl Leaf<'_> {
+    /// A coordinate of the triangles' corners; zero in lanes outside of `valid`.
+    #[inline(always)]
+    pub(super) fn row(&self, axis: usize, corner: usize, valid: Mask) -> F32s {
+        load_first(self.words, (1 + 3 * axis + corner) * self.triangles, valid)
+    }
+
+    /// Ids of the triangles.
+    #[inline(always)]
+    pub(super) fn ids(&self, valid: Mask) -> U32s {
+        bytemuck::cast(load_first(self.words, 0, valid))
+    }
+
+    /// Id and corners of one triangle.
+    #[inline(always)]
+    pub(super) fn triangle(&self, index: usize) -> (u32, [[f32; 3]; 3]) {
+        let word = |row: usize| self.words[row * self.triangles + index];
+        let corners = [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| word(1 + 3 * axis + corner)));
+        (word(0).to_bits(), corners)
+    }
+
+    /// Centres and radii of the spheres, their ids, and the lanes that have one.
+    #[inline(always)]
+    pub(super) fn spheres(&self) -> ([F32s; 4], U32s, Mask) {
+        let valid = Mask::first(self.spheres);
+        let row = |row: usize| {
+            let at = TRIANGLE_WORDS * self.triangles + row * self.spheres;
+            load_first(self.words, at, valid)
+        };
+        ([1, 2, 3, 4].map(row), bytemuck::cast(row(0)), valid)
+    }
+
+    /// Id, centre and radius of one sphere.
+    #[inline(always)]
+    pub(super) fn sphere(&self, index: usize) -> (u32, [f32; 3], f32) {
+        let words = &self.words[TRIANGLE_WORDS * self.triangles..];
+        let word = |row: usize| words[row * self.spheres + index];
+        (word(0).to_bits(), [word(1), word(2), word(3)], word(4))
+    }
+}
+
+/// Writes nodes.
+struct Writer<'a> {
+    geometry: &'a Geometry,
+    tree: &'a WideTree,
+}
+
+impl Writer<'_> {
+    /// Ids of a leaf's triangles, then those of its spheres.
+    fn ids(&self, first: u32, count: u32) -> [Vec<u32>; 2] {
+        let run = &self.tree.order[first as usize..(first + count) as usize];
+        let triangles = self.geometry.triangles.len() as u32;
+        let (triangles, spheres) = run.iter().partition(|&&id| id < triangles);
+        [triangles, spheres]
+    }
+
+    /// Words of a leaf, in whole units.
+    fn leaf_words(&self, first: u32, count: u32) -> usize {
+        let run = &self.tree.order[first as usize..(first + count) as usize];
+        let spheres = run
+            .iter()
+            .filter(|&&id| id as usize >= self.geometry.triangles.len())
+            .count();
+        let words = 1 + (run.len() - spheres) * TRIANGLE_WORDS + spheres * SPHERE_WORDS;
+        words.next_multiple_of(UNIT)
+    }
+
+    /// Cache lines of a node and its leaves.
+    fn lines(&self, node: &WideNode) -> usize {
+        let leaves: usize = node
+            .iter()
+            .map(|(_, child)| match *child {
+                WideChild::Leaf { first, count } => self.leaf_words(first, count),
+                WideChild::Node(_) => 0,
+            })
+            .sum();
+        NODE_LINES + leaves.div_ceil(LINE)
+    }
+
+    /// Writes a node that begins at line `start`, and its leaves.
+    fn write(&self, node: &WideNode, start: usize, starts: &[usize], region: &mut [f32x16]) {
+        let (head, leaves) = region.split_at_mut(NODE_LINES);
+        let leaves: &mut [u32] = bytemuck::cast_slice_mut(leaves);
+        let mut used = 0;
+        let mut planes = [[f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]].map(|side| [side; 3]);
+        let mut children = [DONE; WIDTH];
+        let slots = assign_slots(node);
+        for ((bounds, child), slot) in node.iter().zip(slots) {
+            for (side, axes) in planes.iter_mut().enumerate() {
+                for (axis, column) in axes.iter_mut().enumerate() {
+                    column[slot] = bounds.corners[side][axis];
+                }
+            }
+            children[slot] = match *child {
+                WideChild::Node(index) => (starts[index as usize] * LINE / UNIT) as u32,
+                WideChild::Leaf { first, count } => {
+                    let at = ((start + NODE_LINES) * LINE + used) / UNIT;
+                    let words = self.leaf_words(first, count);
+                    self.write_leaf(self.ids(first, count), &mut leaves[used..used + words]);
+                    used += words;
+                    at as u32 | LEAF
+                }
+            };
+        }
+        for (axis, line) in head[..3].iter_mut().enumerate() {
+            *line = bytemuck::cast([planes[0][axis], planes[1][axis]]);
+        }
+        head[3] = bytemuck::cast([children, [0; WIDTH]]);
+    }
+
+    fn write_leaf(&self, [triangles, spheres]: [Vec<u32>; 2], words: &mut [u32]) {
+        let mut at = 0;
+        let mut put = |word: u32| {
+            words[at] = word;
+            at += 1;
+        };
+        put((triangles.len() | spheres.len() << 8) as u32);
+        triangles.iter().copied().for_each(&mut put);
+        for axis in 0..3 {
+            for corner in 0..3 {
+                for &id in &triangles {
+                    let Triangle { corners } = &self.geometry.triangles[id as usize];
+                    put(corners[corner][axis].to_bits());
+                }
+            }
+        }
+        spheres.iter().copied().for_each(&mut put);
+        for row in 0..4 {
+            for &id in &spheres {
+                let sphere = &self.geometry.spheres[id as usize - self.geometry.triangles.len()];
+                let value = if row < 3 { sphere.center[row] } else { sphere.radius };
+                put(value.to_bits());
+            }
+        }
+    }
+}
+
+/// A slot for each child, such that bit k of the slot says on which side of the node it lies along axis k,
+/// as well as eight slots allow: the pair of child and slot that fits best is fixed first (the greedy form
+/// of the assignment in Ylitie, Karras and Laine 2017, section 3.2).
+fn assign_slots(node: &WideNode) -> [usize; WIDTH] {
+    let middle = |b: &Bounds| [0, 1, 2].map(|k| 0.5 * b.corners[0][k] + 0.5 * b.corners[1][k]);
+    let union = node
+        .iter()
+        .fold(Bounds::EMPTY, |all, (bounds, _)| all.union(bounds));
+    let center = middle(&union);
+    let mut fits = [[0.0; WIDTH]; WIDTH];
+    for (fits, (bounds, _)) in fits.iter_mut().zip(node.iter()) {
+        let middle = middle(bounds);
+        for (slot, fit) in fits.iter_mut().enumerate() {
+            let along = |k: usize| {
+                let offset = middle[k] - center[k];
+                if slot >> k & 1 == 0 { -offset } else { offset }
+            };
+            *fit = along(0) + along(1) + along(2);
+        }
+    }
+    let mut slots = [WIDTH; WIDTH];
+    let mut taken = [false; WIDTH];
+    let count = node.iter().count();
+    for _ in 0..count {
+        let mut best: Option<(f32, usize, usize)> = None;
+        for child in (0..count).filter(|&child| slots[child] == WIDTH) {
+            for slot in (0..WIDTH).filter(|&slot| !taken[slot]) {
+                if best.is_none_or(|(fit, ..)| fits[child][slot] > fit) {
+                    best = Some((fits[child][slot], child, slot));
+                }
+            }
+        }
+        if let Some((_, child, slot)) = best {
+            slots[child] = slot;
+            taken[slot] = true;
+        }
+    }
+    slots
+}
