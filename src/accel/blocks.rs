@@ -171,12 +171,16 @@ impl Leaf<'_> {
         bytemuck::cast(load_first(self.words, 0, valid))
     }
 
-    /// Id and corners of one triangle.
+    /// Id of one triangle.
     #[inline(always)]
-    pub(super) fn triangle(&self, index: usize) -> (u32, [[f32; 3]; 3]) {
-        let word = |row: usize| self.words[row * self.triangles + index];
-        let corners = [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| word(1 + 3 * axis + corner)));
-        (word(0).to_bits(), corners)
+    pub(super) fn id(&self, index: usize) -> u32 {
+        self.words[index].to_bits()
+    }
+
+    /// A coordinate of one triangle's corners.
+    #[inline(always)]
+    pub(super) fn coordinate(&self, index: usize, axis: usize, corner: usize) -> f32 {
+        self.words[(1 + 3 * axis + corner) * self.triangles + index]
     }
 
     /// Centres and radii of the spheres, their ids, and the lanes that have one.

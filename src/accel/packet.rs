@@ -299,9 +299,10 @@ fn meet_leaf<const SPHERES: bool, Q: Query>(
 ) -> bool {
     let mut met = false;
     for index in 0..leaf.triangles {
-        let (id, corners) = leaf.triangle(index);
-        let (hits, t) = shear.intersect(corners, active);
+        let coordinate = |axis, corner| leaf.coordinate(index, axis, corner);
+        let (hits, t) = shear.intersect(coordinate, active);
         if hits.any() {
+            let id = leaf.id(index);
             let hits = hits & !rays.skip.eq(U32s::splat(id));
             met |= rays.take::<Q>(hits, t, id);
         }

@@ -116,14 +116,22 @@ impl ShearRay {
         row: impl Fn(usize, usize) -> F32s,
         valid: Mask,
     ) -> (Mask, F32s) {
-        let [kx, ky, kz] = self.axes.map(|axis| axis as usize);
-        let origin = [kx, ky, kz].map(|axis| F32s::splat(self.origin[axis]));
-        let shear = self.shear.map(F32s::splat);
-        let axes = [kx, ky, kz];
-        let corner = |corner| project(|axis| row(axis, corner), axes, origin, shear);
+        let corner = |corner| self.project_lanes(&row, corner);
         hits_of_projected([corner(0), corner(1), corner(2)], valid, || {
-            [0, 1, 2].map(|corner| project(|axis| row(axis, corner), axes, origin, shear))
+            [0, 1, 2].map(|corner| self.project_lanes(&row, corner))
         })
+    }
+
+    /// Images of a corner of many triangles.
+    #[inline(always)]
+    fn project_lanes(&self, row: impl Fn(usize, usize) -> F32s, corner: usize) -> [F32s; 3] {
+        let [kx, ky, kz] = self.axes.map(|axis| axis as usize);
+        let z = row(kz, corner) - F32s::splat(self.origin[kz]);
+        [
+            (row(kx, corner) - F32s::splat(self.origin[kx])) - F32s::splat(self.shear[0]) * z,
+            (row(ky, corner) - F32s::splat(self.origin[ky])) - F32s::splat(self.shear[1]) * z,
+            F32s::splat(self.shear[2]) * z,
+        ]
     }
 }
 
@@ -150,18 +158,30 @@ impl ShearRays {
         }
     }
 
-    /// Lanes of `valid` whose rays hit the triangle, and their distances, > 0 (undefined in other lanes):
-    /// for each ray the bits that [`ShearRay::intersect`] gives.
+    /// Lanes of `valid` whose rays hit the triangle of `coordinate(axis, corner)`, and their distances, > 0
+    /// (undefined in other lanes): for each ray the bits that [`ShearRay::intersect`] gives.
     #[inline(always)]
-    pub fn intersect(&self, corners: [[f32; 3]; 3], valid: Mask) -> (Mask, F32s) {
-        let (axes, origin, shear) = (self.axes, self.origin, self.shear);
-        let project = |corner: &[f32; 3]| {
-            project(|axis| F32s::splat(corner[axis]), axes, origin, shear)
-        };
-        let [a, b, c] = &corners;
-        hits_of_projected([project(a), project(b), project(c)], valid, || {
-            [a, b, c].map(project)
+    pub fn intersect(
+        &self,
+        coordinate: impl Fn(usize, usize) -> f32,
+        valid: Mask,
+    ) -> (Mask, F32s) {
+        let corner = |corner| self.project(&coordinate, corner);
+        hits_of_projected([corner(0), corner(1), corner(2)], valid, || {
+            [0, 1, 2].map(|corner| self.project(&coordinate, corner))
         })
+    }
+
+    /// Images of a corner for all rays.
+    #[inline(always)]
+    fn project(&self, coordinate: impl Fn(usize, usize) -> f32, corner: usize) -> [F32s; 3] {
+        let at = |k: usize| F32s::splat(coordinate(self.axes[k], corner)) - self.origin[k];
+        let z = at(2);
+        [
+            at(0) - self.shear[0] * z,
+            at(1) - self.shear[1] * z,
+            self.shear[2] * z,
+        ]
     }
 }
 
@@ -183,22 +203,6 @@ pub fn shear_lanes(direction: Vec3s) -> ([Mask; 3], [F32s; 3]) {
         F32s::splat(1.0) / largest,
     ];
     ([is_x, is_y, is_z], shear)
-}
-
-/// Image of corners: x and y across the ray, z the distance along it. `origin` is along `axes`.
-#[inline(always)]
-fn project(
-    coordinate: impl Fn(usize) -> F32s,
-    axes: [usize; 3],
-    origin: [F32s; 3],
-    shear: [F32s; 3],
-) -> [F32s; 3] {
-    let z = coordinate(axes[2]) - origin[2];
-    [
-        (coordinate(axes[0]) - origin[0]) - shear[0] * z,
-        (coordinate(axes[1]) - origin[1]) - shear[1] * z,
-        shear[2] * z,
-    ]
 }
 
 /// Lanes of `valid` in which the z axis meets the triangle of projected corners, and its distance along
