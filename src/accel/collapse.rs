@@ -228,17 +228,18 @@ impl<'a> Choices<'a> {
             match step {
                 Step::Enter(index) => {
                     let node = &self.binary[index as usize];
+                    let first = node.first_index;
                     if let Some(&costs) = ready.get(&index) {
                         done.push(costs);
                     } else if node.is_leaf() {
-                        done.push(Costs {
-                            slots: [self.area(index) * self.costs.leaf(1); WIDTH],
-                            count: 1,
-                        });
+                        done.push(self.leaf(index));
+                    } else if self.is_primitive(first) && self.is_primitive(first + 1) {
+                        let [left, right] = [first, first + 1].map(|child| self.leaf(child));
+                        done.push(self.choose(index, &left, &right));
                     } else {
                         work.push(Step::Leave(index));
-                        work.push(Step::Enter(node.first_index + 1));
-                        work.push(Step::Enter(node.first_index));
+                        work.push(Step::Enter(first + 1));
+                        work.push(Step::Enter(first));
                     }
                 }
                 Step::Leave(index) => {
@@ -251,11 +252,24 @@ impl<'a> Choices<'a> {
         done[0]
     }
 
+    fn is_primitive(&self, index: u32) -> bool {
+        self.binary[index as usize].is_leaf()
+    }
+
+    /// The costs of a leaf of the binary tree.
+    fn leaf(&self, index: u32) -> Costs {
+        Costs {
+            slots: [self.area(index) * self.costs.leaf(1); WIDTH],
+            count: 1,
+        }
+    }
+
     /// Half of the surface area of a node, scaled.
     fn area(&self, index: u32) -> f32 {
-        let bounds = self.binary[index as usize].aabb();
-        let size = (bounds.max - bounds.min) * self.scale;
-        (size.x + size.y) * size.z + size.x * size.y
+        let node = &self.binary[index as usize];
+        // Not as four lanes: the fourth holds an index, a denormal number that takes long to multiply.
+        let [x, y, z] = ((node.max - node.min) * self.scale).to_array();
+        (x + y) * z + x * y
     }
 
     /// Finds and keeps the best choice for each number of slots.
@@ -266,7 +280,8 @@ impl<'a> Choices<'a> {
         let mut best = f32x8::splat(f32::INFINITY);
         // One, so that a node is split even where areas are so large that costs are not numbers.
         let mut best_taken = f32x8::splat(1.0);
-        for taken in 1..WIDTH {
+        // More slots than primitives are of no use.
+        for taken in 1..WIDTH.min(left.count as usize + 1) {
             let rest = f32x8::from(&padded[WIDTH - taken..2 * WIDTH - taken]);
             let cost = f32x8::splat(left.slots[taken - 1]) + rest;
             let better = cost.simd_lt(best);
@@ -281,15 +296,18 @@ impl<'a> Choices<'a> {
         } else {
             f32::INFINITY
         };
-        let is_leaf = count <= self.costs.largest_leaf && as_leaf <= as_node;
-        let mut slots = [as_node.min(as_leaf); WIDTH];
+        let is_leaf = as_leaf < f32::INFINITY && as_leaf <= as_node;
+        let mut slots = [if is_leaf { as_leaf } else { as_node }; WIDTH];
         let mut word = (taken[WIDTH - 1] as u32) << (3 * (WIDTH - 2));
         word |= if is_leaf { LEAF } else { 0 };
         for extra in 1..WIDTH - 1 {
-            slots[extra] = slots[extra - 1].min(best[extra]);
-            if best[extra] < slots[extra - 1] {
-                word |= (taken[extra] as u32) << (3 * (extra - 1));
-            }
+            let better = best[extra] < slots[extra - 1];
+            slots[extra] = if better {
+                best[extra]
+            } else {
+                slots[extra - 1]
+            };
+            word |= if better { taken[extra] as u32 } else { 0 } << (3 * (extra - 1));
         }
         self.word(index).store(word, Ordering::Relaxed);
         Costs { slots, count }
@@ -399,6 +417,8 @@ struct Part {
     nodes: Vec<WideNode>,
     order: Vec<u32>,
     depth: usize,
+    /// Binary nodes of a leaf that wait for their turn; empty between leaves.
+    waiting: Vec<u32>,
 }
 
 impl Part {
@@ -431,13 +451,14 @@ impl Part {
     /// Adds all primitives of a binary subtree to the order.
     fn push_leaf(&mut self, choices: &Choices<'_>, source: u32) -> WideChild {
         let first = self.order.len();
-        let mut work = vec![source];
-        while let Some(index) = work.pop() {
+        self.waiting.push(source);
+        while let Some(index) = self.waiting.pop() {
             let node = &choices.binary[index as usize];
             if node.is_leaf() {
                 self.order.push(node.first_index);
             } else {
-                work.extend([node.first_index + 1, node.first_index]);
+                self.waiting.push(node.first_index + 1);
+                self.waiting.push(node.first_index);
             }
         }
         WideChild::Leaf {

@@ -18,6 +18,7 @@ mod ploc;
 mod polygon;
 mod reinsertion;
 mod shell;
+mod split;
 mod stack;
 #[cfg(test)]
 mod tests;
@@ -81,9 +82,8 @@ pub fn build_with(
     })
 }
 
-/// Primitives have 31-bit ids, so that a bit is left to tell them from nodes.
 fn check_limit(primitives: usize) -> Result<()> {
-    if primitives >= 1 << 31 {
+    if primitives > tree::MOST_LEAVES {
         return Err(Error::limit(
             "a scene may have at most 2^31 - 1 triangles and spheres together",
         ));
