@@ -8,7 +8,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use rayon::prelude::*;
 use wide::f32x8;
 
-use super::tree::{Node, node_bounds};
+use super::build_options::{BuildOptions, BuildPhase};
+use super::tree::{self, Node, node_bounds};
+use crate::geometry::Geometry;
 use crate::geometry::slab::Bounds;
 
 /// Most children of a node.
@@ -97,6 +99,19 @@ pub(super) struct WideTree {
 }
 
 impl WideTree {
+    /// Builds over all primitives.
+    pub(super) fn build(
+        geometry: &Geometry,
+        options: &BuildOptions<'_>,
+        costs: &CollapseCosts,
+    ) -> Self {
+        let binary = tree::build(geometry, options);
+        options.report(BuildPhase::Collapse, 0.0);
+        let wide = Self::new(&binary, costs);
+        options.report(BuildPhase::Collapse, 1.0);
+        wide
+    }
+
     /// Collapses a binary tree with one primitive per leaf. The result does not depend on the number of
     /// threads.
     pub(super) fn new(binary: &[Node], costs: &CollapseCosts) -> Self {
@@ -498,11 +513,10 @@ impl Part {
 
 #[cfg(test)]
 mod tests {
-    use super::super::build_options::{BuildOptions, BuildQuality};
-    use super::super::tree;
+    use super::super::build_options::BuildQuality;
     use super::*;
     use crate::geometry::testing::{Rng, lat_long_sphere};
-    use crate::geometry::{Geometry, Sphere, Triangle};
+    use crate::geometry::{Sphere, Triangle};
 
     const fn costs(pack_size: u32) -> CollapseCosts {
         CollapseCosts {
@@ -679,12 +693,37 @@ mod tests {
                         quality,
                         ..BuildOptions::default()
                     };
-                    let tree = WideTree::new(&tree::build(&geometry, &options), &COSTS[0]);
+                    let tree = WideTree::build(&geometry, &options, &COSTS[0]);
                     (tree.order, format!("{:?}", tree.nodes))
                 })
             });
             assert!(trees[0] == trees[1]);
         }
+    }
+
+    #[test]
+    fn progress_passes_through_all_phases_to_their_ends() {
+        let geometry = Geometry {
+            triangles: lat_long_sphere(30, 60, 0.1, &mut Rng(6)).triangles(),
+            ..Geometry::default()
+        };
+        let heard = std::cell::RefCell::new(Vec::new());
+        let options = BuildOptions {
+            quality: BuildQuality::Medium,
+            progress: Some(&|phase, share| heard.borrow_mut().push((phase, share))),
+        };
+        WideTree::build(&geometry, &options, &COSTS[0]);
+        let heard = heard.into_inner();
+        for pair in heard.windows(2) {
+            assert!(pair[0].0 != pair[1].0 || pair[0].1 < pair[1].1, "{pair:?}");
+        }
+        let ends = heard.iter().filter(|(_, share)| *share == 1.0);
+        assert!(ends.map(|(phase, _)| *phase).eq([
+            BuildPhase::Sort,
+            BuildPhase::Cluster,
+            BuildPhase::Optimize,
+            BuildPhase::Collapse,
+        ]));
     }
 
     #[test]
