@@ -1,7 +1,5 @@
 //! How much work a hierarchy's build may take, and what it tells while it runs.
 
-use super::ploc;
-
 /// How much time a build spends for a tree that is traversed faster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum BuildQuality {
@@ -10,7 +8,7 @@ pub enum BuildQuality {
     /// About the build time of a binned surface-area builder.
     #[default]
     Medium,
-    /// Several times longer.
+    /// Several times longer; large triangles are split among leaves.
     Best,
 }
 
@@ -60,6 +58,8 @@ pub(super) struct Preset {
     pub(super) window: usize,
     /// Nodes that the first reinsertion pass looks at, as a share of all.
     pub(super) reinsertion: f32,
+    /// Whether triangles may be in several leaves.
+    pub(super) split: bool,
 }
 
 impl BuildQuality {
@@ -68,14 +68,17 @@ impl BuildQuality {
             Self::Fast => Preset {
                 window: 4,
                 reinsertion: 0.01,
+                split: false,
             },
             Self::Medium => Preset {
                 window: 8,
-                reinsertion: 0.05,
+                reinsertion: 0.02,
+                split: false,
             },
             Self::Best => Preset {
-                window: ploc::MOST_WINDOW,
-                reinsertion: 0.5,
+                window: 16,
+                reinsertion: 0.2,
+                split: true,
             },
         }
     }

@@ -8,7 +8,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use rayon::prelude::*;
 use wide::f32x8;
 
-use super::tree::{Node, node_bounds};
+use super::build_options::{BuildOptions, BuildPhase};
+use super::tree::{self, Node, node_bounds};
+use crate::geometry::Geometry;
 use crate::geometry::slab::Bounds;
 
 /// Most children of a node.
@@ -104,6 +106,19 @@ pub(super) struct WideTree {
 }
 
 impl WideTree {
+    /// Builds over all primitives.
+    pub(super) fn build(
+        geometry: &Geometry,
+        options: &BuildOptions<'_>,
+        costs: &CollapseCosts,
+    ) -> Self {
+        let binary = tree::build(geometry, options);
+        options.report(BuildPhase::Collapse, 0.0);
+        let wide = Self::new(&binary, costs);
+        options.report(BuildPhase::Collapse, 1.0);
+        wide
+    }
+
     /// Collapses a binary tree with one primitive per leaf. The result does not depend on the number of
     /// threads.
     pub(super) fn new(binary: &[Node], costs: &CollapseCosts) -> Self {
@@ -235,17 +250,18 @@ impl<'a> Choices<'a> {
             match step {
                 Step::Enter(index) => {
                     let node = &self.binary[index as usize];
+                    let first = node.first_index;
                     if let Some(&costs) = ready.get(&index) {
                         done.push(costs);
                     } else if node.is_leaf() {
-                        done.push(Costs {
-                            slots: [self.area(index) * self.costs.leaf(1); WIDTH],
-                            count: 1,
-                        });
+                        done.push(self.leaf(index));
+                    } else if self.is_primitive(first) && self.is_primitive(first + 1) {
+                        let [left, right] = [first, first + 1].map(|child| self.leaf(child));
+                        done.push(self.choose(index, &left, &right));
                     } else {
                         work.push(Step::Leave(index));
-                        work.push(Step::Enter(node.first_index + 1));
-                        work.push(Step::Enter(node.first_index));
+                        work.push(Step::Enter(first + 1));
+                        work.push(Step::Enter(first));
                     }
                 }
                 Step::Leave(index) => {
@@ -258,11 +274,24 @@ impl<'a> Choices<'a> {
         done[0]
     }
 
+    fn is_primitive(&self, index: u32) -> bool {
+        self.binary[index as usize].is_leaf()
+    }
+
+    /// The costs of a leaf of the binary tree.
+    fn leaf(&self, index: u32) -> Costs {
+        Costs {
+            slots: [self.area(index) * self.costs.leaf(1); WIDTH],
+            count: 1,
+        }
+    }
+
     /// Half of the surface area of a node, scaled.
     fn area(&self, index: u32) -> f32 {
-        let bounds = self.binary[index as usize].aabb();
-        let size = (bounds.max - bounds.min) * self.scale;
-        (size.x + size.y) * size.z + size.x * size.y
+        let node = &self.binary[index as usize];
+        // Not as four lanes: the fourth holds an index, a denormal number that takes long to multiply.
+        let [x, y, z] = ((node.max - node.min) * self.scale).to_array();
+        (x + y) * z + x * y
     }
 
     /// Finds and keeps the best choice for each number of slots.
@@ -273,7 +302,8 @@ impl<'a> Choices<'a> {
         let mut best = f32x8::splat(f32::INFINITY);
         // One, so that a node is split even where areas are so large that costs are not numbers.
         let mut best_taken = f32x8::splat(1.0);
-        for taken in 1..WIDTH {
+        // More slots than primitives are of no use.
+        for taken in 1..WIDTH.min(left.count as usize + 1) {
             let rest = f32x8::from(&padded[WIDTH - taken..2 * WIDTH - taken]);
             let cost = f32x8::splat(left.slots[taken - 1]) + rest;
             let better = cost.simd_lt(best);
@@ -288,15 +318,18 @@ impl<'a> Choices<'a> {
         } else {
             f32::INFINITY
         };
-        let is_leaf = count <= self.costs.largest_leaf && as_leaf <= as_node;
-        let mut slots = [as_node.min(as_leaf); WIDTH];
+        let is_leaf = as_leaf < f32::INFINITY && as_leaf <= as_node;
+        let mut slots = [if is_leaf { as_leaf } else { as_node }; WIDTH];
         let mut word = (taken[WIDTH - 1] as u32) << (3 * (WIDTH - 2));
         word |= if is_leaf { LEAF } else { 0 };
         for extra in 1..WIDTH - 1 {
-            slots[extra] = slots[extra - 1].min(best[extra]);
-            if best[extra] < slots[extra - 1] {
-                word |= (taken[extra] as u32) << (3 * (extra - 1));
-            }
+            let better = best[extra] < slots[extra - 1];
+            slots[extra] = if better {
+                best[extra]
+            } else {
+                slots[extra - 1]
+            };
+            word |= if better { taken[extra] as u32 } else { 0 } << (3 * (extra - 1));
         }
         self.word(index).store(word, Ordering::Relaxed);
         Costs { slots, count }
@@ -406,6 +439,8 @@ struct Part {
     nodes: Vec<WideNode>,
     order: Vec<u32>,
     depth: usize,
+    /// Binary nodes of a leaf that wait for their turn; empty between leaves.
+    waiting: Vec<u32>,
 }
 
 impl Part {
@@ -438,13 +473,14 @@ impl Part {
     /// Adds all primitives of a binary subtree to the order.
     fn push_leaf(&mut self, choices: &Choices<'_>, source: u32) -> WideChild {
         let first = self.order.len();
-        let mut work = vec![source];
-        while let Some(index) = work.pop() {
+        self.waiting.push(source);
+        while let Some(index) = self.waiting.pop() {
             let node = &choices.binary[index as usize];
             if node.is_leaf() {
                 self.order.push(node.first_index);
             } else {
-                work.extend([node.first_index + 1, node.first_index]);
+                self.waiting.push(node.first_index + 1);
+                self.waiting.push(node.first_index);
             }
         }
         WideChild::Leaf {
@@ -484,11 +520,10 @@ impl Part {
 
 #[cfg(test)]
 mod tests {
-    use super::super::build_options::{BuildOptions, BuildQuality};
-    use super::super::tree;
+    use super::super::build_options::BuildQuality;
     use super::*;
     use crate::geometry::testing::{Rng, lat_long_sphere};
-    use crate::geometry::{Geometry, Sphere, Triangle};
+    use crate::geometry::{Sphere, Triangle};
 
     const fn costs(pack_size: u32) -> CollapseCosts {
         CollapseCosts {
@@ -665,12 +700,37 @@ mod tests {
                         quality,
                         ..BuildOptions::default()
                     };
-                    let tree = WideTree::new(&tree::build(&geometry, &options), &COSTS[0]);
+                    let tree = WideTree::build(&geometry, &options, &COSTS[0]);
                     (tree.order, format!("{:?}", tree.nodes))
                 })
             });
             assert!(trees[0] == trees[1]);
         }
+    }
+
+    #[test]
+    fn progress_passes_through_all_phases_to_their_ends() {
+        let geometry = Geometry {
+            triangles: lat_long_sphere(30, 60, 0.1, &mut Rng(6)).triangles(),
+            ..Geometry::default()
+        };
+        let heard = std::cell::RefCell::new(Vec::new());
+        let options = BuildOptions {
+            quality: BuildQuality::Medium,
+            progress: Some(&|phase, share| heard.borrow_mut().push((phase, share))),
+        };
+        WideTree::build(&geometry, &options, &COSTS[0]);
+        let heard = heard.into_inner();
+        for pair in heard.windows(2) {
+            assert!(pair[0].0 != pair[1].0 || pair[0].1 < pair[1].1, "{pair:?}");
+        }
+        let ends = heard.iter().filter(|(_, share)| *share == 1.0);
+        assert!(ends.map(|(phase, _)| *phase).eq([
+            BuildPhase::Sort,
+            BuildPhase::Cluster,
+            BuildPhase::Optimize,
+            BuildPhase::Collapse,
+        ]));
     }
 
     #[test]

@@ -15,6 +15,7 @@ mod ploc;
 mod polygon;
 mod reinsertion;
 mod shell;
+mod split;
 mod stack;
 mod stream;
 #[cfg(test)]
@@ -82,9 +83,8 @@ pub fn build_with(
     })
 }
 
-/// Primitives have 31-bit ids, so that a bit is left to tell them from nodes.
 fn check_limit(primitives: usize) -> Result<()> {
-    if primitives >= 1 << 31 {
+    if primitives > tree::MOST_LEAVES {
         return Err(Error::limit(
             "a scene may have at most 2^31 - 1 triangles and spheres together",
         ));

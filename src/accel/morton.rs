@@ -1,5 +1,6 @@
 //! Order along a Morton curve, in which neighbours are mostly near each other in space.
 
+use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::tree::Node;
@@ -7,27 +8,28 @@ use super::tree::Node;
 /// Bits of each coordinate in a Morton code.
 const BITS: u32 = 21;
 
-/// The boxes in the order of the Morton codes of their centres; equal codes in the order given.
-pub(super) fn sorted(boxes: &[Node]) -> Vec<Node> {
-    let everything = boxes
-        .par_iter()
-        .map(|node| *node.aabb())
-        .reduce(obvhs::aabb::Aabb::empty, |a, b| a.union(&b));
+/// The boxes number 0 .. `count`, asked for more than once, in the order of the Morton codes of their centres;
+/// equal codes in the order of their numbers.
+pub(super) fn sorted(count: usize, get: impl Fn(u32) -> Node + Sync) -> Vec<Node> {
+    let all = || (0..count as u32).into_par_iter();
+    let everything = all()
+        .map(|index| *get(index).aabb())
+        .reduce(Aabb::empty, |a, b| a.union(&b));
     let low = everything.min.as_dvec3();
     // Cells are cubes. In f64, so that no extent overflows.
     let extent = (everything.max.as_dvec3() - low).max_element();
     let scale = f64::from((1 << BITS) - 1) / if extent > 0.0 { extent } else { 1.0 };
-    let code = |node: &Node| {
-        let bounds = node.aabb();
-        let center = 0.5 * (bounds.min.as_dvec3() + bounds.max.as_dvec3());
+    let code = |node: Node| {
+        let center = 0.5 * (node.min.as_dvec3() + node.max.as_dvec3());
         let cell = (center - low) * scale;
         spread(cell.x as u32) | spread(cell.y as u32) << 1 | spread(cell.z as u32) << 2
     };
-    let mut keys: Vec<(u64, u32)> = (boxes.par_iter().enumerate())
-        .map(|(index, node)| (code(node), index as u32))
+    // One number each, so that comparing takes no branches.
+    let mut keys: Vec<u128> = all()
+        .map(|index| u128::from(code(get(index))) << 32 | u128::from(index))
         .collect();
     keys.par_sort_unstable();
-    (keys.par_iter().map(|&(_, index)| boxes[index as usize])).collect()
+    keys.par_iter().map(|&key| get(key as u32)).collect()
 }
 
 /// Two zero bits between each two of the lowest 21.

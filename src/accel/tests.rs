@@ -527,6 +527,37 @@ fn both_trees_give_the_same_bits() {
 }
 
 #[test]
+fn every_build_quality_gives_the_same_bits() {
+    let mut rng = Rng(33);
+    // A few triangles that are large against the others, and askew, are split at best quality.
+    let large = torus(12, 6, 0.4).turned(rng.rotation());
+    let small = lat_long_sphere(120, 240, 0.2, &mut rng).placed(0.01, [0.0; 3]);
+    let geometry = Geometry {
+        triangles: [large.triangles(), small.triangles()].concat(),
+        ..Geometry::default()
+    };
+    let options = [BuildQuality::Fast, BuildQuality::Medium, BuildQuality::Best].map(|quality| {
+        BuildOptions {
+            quality,
+            ..BuildOptions::default()
+        }
+    });
+    let whole = 2 * geometry.len() - 1;
+    let nodes = options.each_ref().map(|o| tree::build(&geometry, o).len());
+    assert!(nodes[0] == whole && nodes[1] == whole && nodes[2] > whole);
+    let mut rays = adversarial(&large, true, 40_000, &mut rng, near([0.0; 3], 2.0));
+    let [fast, medium, best] = options.map(|o| rays.closest(&Bvh2::with_options(&geometry, &o)));
+    assert!(fast == medium && medium == best);
+}
+
+#[test]
+fn more_primitives_than_indices_are_an_error() {
+    assert!(check_limit((1 << 31) - 1).is_ok());
+    let error = check_limit(1 << 31).expect_err("one too many");
+    assert_eq!(error.kind, crate::ErrorKind::Limit);
+}
+
+#[test]
 fn rays_with_nan_or_infinity_miss() {
     let room = room();
     for structure in ALL {

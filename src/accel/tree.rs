@@ -7,7 +7,7 @@ use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::build_options::{BuildOptions, BuildPhase};
-use super::{morton, ploc, reinsertion};
+use super::{morton, ploc, reinsertion, split};
 use crate::geometry::slab::Bounds;
 use crate::geometry::{Geometry, Sphere, Triangle};
 
@@ -15,12 +15,22 @@ use crate::geometry::{Geometry, Sphere, Triangle};
 /// primitive `first_index`.
 pub(super) type Node = obvhs::bvh2::node::Bvh2Node;
 
-/// The binary tree over all primitives, one in each leaf: the root is node 0, siblings are neighbours.
-/// Empty without primitives.
+/// Most leaves of a tree: nodes have 32-bit indices, of which users may want a bit.
+pub(super) const MOST_LEAVES: usize = (1 << 31) - 1;
+
+/// The binary tree over all primitives, up to [`MOST_LEAVES`], one in each leaf: the root is node 0, siblings are
+/// neighbours. At best quality, a triangle may be in several leaves, whose boxes together cover it. Empty
+/// without primitives.
 pub(super) fn build(geometry: &Geometry, options: &BuildOptions<'_>) -> Vec<Node> {
     let preset = options.quality.preset();
     options.report(BuildPhase::Sort, 0.0);
-    let leaves = morton::sorted(&primitive_boxes(geometry));
+    let leaves = if preset.split {
+        let leaves = split_leaves(geometry);
+        morton::sorted(leaves.len(), |index| leaves[index as usize])
+    } else {
+        morton::sorted(geometry.len(), |id| primitive_box(geometry, id))
+    };
+    options.report(BuildPhase::Sort, 1.0);
     let tree = ploc::cluster(leaves, preset.window, |share| {
         options.report(BuildPhase::Cluster, share);
     });
@@ -29,13 +39,31 @@ pub(super) fn build(geometry: &Geometry, options: &BuildOptions<'_>) -> Vec<Node
     })
 }
 
-/// A leaf for each primitive.
-fn primitive_boxes(geometry: &Geometry) -> Vec<Node> {
-    let triangles = geometry.triangles.par_iter().map(triangle_box);
-    let spheres = geometry.spheres.par_iter().map(sphere_box);
-    (triangles.chain(spheres).enumerate())
-        .map(|(id, bounds)| Node::new(bounds, 1, id as u32))
+/// Leaves of all primitives, several for triangles that fill their boxes badly.
+fn split_leaves(geometry: &Geometry) -> Vec<Node> {
+    let first_sphere = geometry.triangles.len() as u32;
+    let room = MOST_LEAVES - geometry.spheres.len();
+    split::triangle_parts(geometry, room)
+        .into_par_iter()
+        .map(|(bounds, id)| {
+            let [low, high] = bounds.corners.map(Vec3A::from);
+            Node::new(Aabb::new(low, high), 1, id)
+        })
+        .chain(
+            (first_sphere..geometry.len() as u32)
+                .into_par_iter()
+                .map(|id| primitive_box(geometry, id)),
+        )
         .collect()
+}
+
+/// The leaf of a primitive.
+fn primitive_box(geometry: &Geometry, id: u32) -> Node {
+    let bounds = match geometry.triangles.get(id as usize) {
+        Some(triangle) => triangle_box(triangle),
+        None => sphere_box(&geometry.spheres[id as usize - geometry.triangles.len()]),
+    };
+    Node::new(bounds, 1, id)
 }
 
 fn triangle_box(triangle: &Triangle) -> Aabb {
@@ -156,7 +184,9 @@ mod tests {
             seen.into_iter().eq(0..geometry.len() as u32),
             "every primitive is in one leaf"
         );
-        let bounds: Vec<Bounds> = primitive_boxes(geometry).iter().map(node_bounds).collect();
+        let bounds: Vec<Bounds> = (0..geometry.len() as u32)
+            .map(|id| node_bounds(&primitive_box(geometry, id)))
+            .collect();
         let mut depth = vec![1; tree.nodes.len()];
         for (at, node) in tree.nodes.iter().enumerate() {
             let run = &tree.order[node.first as usize..(node.first + node.count) as usize];

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
-use crate::scene::{AccelKind, IntegratorKind, SamplerKind, Strategy};
+use crate::scene::{AccelKind, AccelQuality, IntegratorKind, SamplerKind, Strategy};
 
 /// A data-oriented wavefront path tracer for CPUs.
 ///
@@ -62,6 +62,10 @@ pub(super) struct SceneArgs {
     /// Acceleration structure [default: the scene's, else auto]
     #[arg(long, value_name = "KIND")]
     pub(super) accel: Option<AccelKind>,
+
+    /// How much time its build takes for faster rays (same image) [default: the scene's, else medium]
+    #[arg(long, value_name = "QUALITY")]
+    pub(super) accel_quality: Option<AccelQuality>,
 
     /// Most path segments: 1 is emitted light alone, 2 adds direct light [default: the scene's, else
     /// no limit]

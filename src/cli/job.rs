@@ -67,6 +67,7 @@ impl SceneJob {
             strategy: args.strategy.unwrap_or(defaults.strategy),
             sampler: args.sampler.unwrap_or(defaults.sampler),
             accel: args.accel.unwrap_or(defaults.accel),
+            accel_quality: args.accel_quality.unwrap_or(defaults.accel_quality),
             wave: args.wave.unwrap_or(defaults.wave),
             block: args.block.unwrap_or(defaults.block),
             max_depth: args.max_depth.or(defaults.max_depth),

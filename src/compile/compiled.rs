@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::{Camera, Features};
-use crate::accel::{self, Accel, Structure};
+use crate::accel::{self, Accel, BuildOptions, BuildQuality, Structure};
 use crate::error::{Error, Result};
 use crate::geometry::{Geometry, Sphere, Triangle};
 use crate::light::{BackgroundLight, FlatLight, Light, LightTable, PointLight, SphereLight, kinds};
@@ -11,8 +11,8 @@ use crate::material::{FresnelFormula, MaterialKind, MaterialSpec, MaterialTable}
 use crate::math::Table;
 use crate::math::float::gamma;
 use crate::scene::{
-    AccelKind, BsdfDescription, EmissionDescription, Fresnel, IntegratorKind, MaterialId,
-    RenderSettings, SamplerKind, SceneDescription, ShapeGeometry, Strategy,
+    AccelKind, AccelQuality, BsdfDescription, EmissionDescription, Fresnel, IntegratorKind,
+    MaterialId, RenderSettings, SamplerKind, SceneDescription, ShapeGeometry, Strategy,
 };
 
 /// What the sort stage has to know of a primitive, in one word.
@@ -159,13 +159,21 @@ pub fn compile(
         AccelKind::Bvh2 => Structure::Bvh2,
         AccelKind::Bvh8 => Structure::Bvh8,
     };
+    let options = BuildOptions {
+        quality: match settings.accel_quality {
+            AccelQuality::Fast => BuildQuality::Fast,
+            AccelQuality::Medium => BuildQuality::Medium,
+            AccelQuality::Best => BuildQuality::Best,
+        },
+        ..BuildOptions::default()
+    };
     Ok(CompiledScene {
         features,
         width,
         height,
         camera: Camera::new(&view.projection, width, height, bounds.center),
         camera_index: camera,
-        accel: accel::build(structure, &tables.geometry)?,
+        accel: accel::build_with(structure, &tables.geometry, &options)?,
         albedo: scene.materials.iter().map(|m| albedo(&m.bsdf)).collect(),
         surfaces: tables.surfaces,
         materials: tables.materials,

@@ -50,6 +50,18 @@ pub enum AccelKind {
     Bvh8,
 }
 
+/// How much time the build of a tree takes for faster rays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum AccelQuality {
+    /// Shortest build.
+    Fast,
+    /// About the time of a binned surface-area builder.
+    Medium,
+    /// Several times longer; large triangles are split among leaves.
+    Best,
+}
+
 /// What ends a render; the first limit reached does.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -76,6 +88,8 @@ pub struct RenderDefaults {
     pub sampler: Option<SamplerKind>,
     /// Acceleration structure.
     pub accel: Option<AccelKind>,
+    /// Quality of its build.
+    pub accel_quality: Option<AccelQuality>,
     /// Most path segments; 1 is emitted light alone, 2 adds direct light.
     pub max_depth: Option<u32>,
     /// First depth (in segments already traced) at which roulette may end a path.
@@ -97,6 +111,8 @@ pub struct RenderSettings {
     pub sampler: SamplerKind,
     /// Acceleration structure.
     pub accel: AccelKind,
+    /// Quality of its build. Does not change the picture.
+    pub accel_quality: AccelQuality,
     /// What ends the render.
     pub budget: Budget,
     /// Worker threads, ≥ 1. Does not change the picture.
@@ -126,6 +142,7 @@ impl Default for RenderSettings {
             strategy: Strategy::Mis,
             sampler: SamplerKind::Independent,
             accel: AccelKind::Auto,
+            accel_quality: AccelQuality::Medium,
             budget: Budget::Samples(64),
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             seed: 0,
@@ -149,6 +166,7 @@ impl RenderSettings {
             strategy: defaults.strategy.unwrap_or(base.strategy),
             sampler: defaults.sampler.unwrap_or(base.sampler),
             accel: defaults.accel.unwrap_or(base.accel),
+            accel_quality: defaults.accel_quality.unwrap_or(base.accel_quality),
             budget: defaults.spp.map_or(base.budget, Budget::Samples),
             max_depth: defaults.max_depth.or(base.max_depth),
             roulette_depth: defaults.roulette_depth.unwrap_or(base.roulette_depth),
