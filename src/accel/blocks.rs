@@ -1,4 +1,4 @@
-#![allow(unsafe_code, reason="x")]
+#![allow(unsafe_code, reason = "x")]
 //! How the 8-wide tree lies in memory: nodes of four cache lines, and leaves of as many words as their
 //! primitives need, each node followed by its leaves.
 
@@ -292,7 +292,11 @@ impl Writer<'_> {
         for row in 0..4 {
             for &id in &spheres {
                 let sphere = &self.geometry.spheres[id as usize - self.geometry.triangles.len()];
-                let value = if row < 3 { sphere.center[row] } else { sphere.radius };
+                let value = if row < 3 {
+                    sphere.center[row]
+                } else {
+                    sphere.radius
+                };
                 put(value.to_bits());
             }
         }

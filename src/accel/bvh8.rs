@@ -4,7 +4,6 @@
 use super::blocks::{Blocks, LEAF_SIZE};
 use super::build_options::BuildOptions;
 use super::collapse::{CollapseCosts, WideTree};
-use super::tree;
 use super::stream::{self, Packets, Query};
 use super::{Accel, AccelCounters, HitBatch, RayBatch, ShadowBatch};
 use crate::error::Result;
@@ -48,9 +47,7 @@ impl Bvh8 {
         options: &BuildOptions<'_>,
         packets: Packets,
     ) -> Result<Self> {
-        let e = |n: &str, d: f32| std::env::var(n).map_or(d, |x| x.parse().unwrap());
-        let costs = CollapseCosts { node: 1.0, pack: e("PACK", 1.3), pack_size: e("PSIZE", 16.0) as u32, largest_leaf: e("LEAF", 16.0) as u32 };
-        let tree = WideTree::new(&tree::build(geometry, options), &costs);
+        let tree = WideTree::build(geometry, options, &COSTS);
         Ok(Self {
             tree: Blocks::new(geometry, &tree)?,
             packets,
@@ -71,7 +68,13 @@ impl Accel for Bvh8 {
     }
 
     fn closest(&self, rays: RayBatch<'_>, hits: HitBatch<'_>, counters: &mut AccelCounters) {
-        stream::trace(&self.tree, self.packets, &rays, &mut Closest(hits), counters);
+        stream::trace(
+            &self.tree,
+            self.packets,
+            &rays,
+            &mut Closest(hits),
+            counters,
+        );
     }
 
     fn occluded(&self, rays: ShadowBatch<'_>, occluded: &mut [u32], counters: &mut AccelCounters) {

@@ -17,7 +17,11 @@ pub(super) fn advise<T>(vector: &mut Vec<T>) {
             // SAFETY: the range lies within memory that this vector owns; the advice changes how the
             // system maps it, not what it holds. A failure leaves everything as it was.
             unsafe {
-                libc::madvise(start as *mut libc::c_void, bytes - PAGE, libc::MADV_HUGEPAGE);
+                libc::madvise(
+                    start as *mut libc::c_void,
+                    bytes - PAGE,
+                    libc::MADV_HUGEPAGE,
+                );
             }
         }
     }

@@ -19,7 +19,7 @@ use crate::math::vec3::Vec3s;
 
 /// Up to this many rays of a group leave it where no more than they enter a subtree. Measured; see
 /// `profiling/`.
-pub(super) const FEW: usize = 3;
+pub(super) const FEW: usize = 2;
 
 /// Most subtrees that a ray can have left to it.
 pub(super) const MOST_PENDING: usize = 32;
@@ -96,9 +96,11 @@ fn range(values: F32s, valid: Mask) -> [f32; 2] {
     let high = quarters(valid.select(values, F32s::splat(f32::NEG_INFINITY)));
     let low = low.into_iter().fold(low[0], f32x4::fast_min).to_array();
     let high = high.into_iter().fold(high[0], f32x4::fast_max).to_array();
+    let less = |a: f32, b: f32| if a < b { a } else { b };
+    let more = |a: f32, b: f32| if a > b { a } else { b };
     [
-        low.into_iter().fold(low[0], f32::min),
-        high.into_iter().fold(high[0], f32::max),
+        less(less(low[0], low[1]), less(low[2], low[3])),
+        more(more(high[0], high[1]), more(high[2], high[3])),
     ]
 }
 

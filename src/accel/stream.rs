@@ -10,8 +10,8 @@ use std::ops::Range;
 use wide::{f32x8, f32x16};
 
 use super::blocks::{Blocks, DONE, LEAF};
-use super::octant::{NEAREST, OCTANTS, ORDER, permute};
 use super::collapse::WIDTH;
+use super::octant::{NEAREST, OCTANTS, ORDER, permute};
 use super::packet::{self, PacketRays};
 use super::{AccelCounters, RayBatch};
 use crate::geometry::PrimitiveId;
@@ -134,13 +134,26 @@ impl Scratch {
             self.order.resize(room, 0);
             self.octant.resize(room, 0);
         }
+        let mut present = 0;
         for at in (0..rays.len).step_by(LANES) {
-            store_u32(&mut self.octant, at, octant_of(rays, at));
+            let octant = octant_of(rays, at);
+            store_u32(&mut self.octant, at, octant);
+            // The rays of a chunk mostly share an octant.
+            let first = octant.as_array()[0];
+            let valid = Mask::first(rays.len - at);
+            present |= if (valid & !octant.eq(U32s::splat(first))).none() {
+                1 << first
+            } else {
+                u32::MAX
+            };
         }
         let mut starts = [0; OCTANTS + 1];
         let mut count = 0;
-        for octant in 0..=OCTANTS {
-            starts[octant] = count;
+        for (octant, start) in starts.iter_mut().enumerate() {
+            *start = count;
+            if present >> octant & 1 == 0 {
+                continue;
+            }
             for at in (0..rays.len).step_by(LANES) {
                 let here = load_u32(&self.octant, at).eq(U32s::splat(octant as u32))
                     & Mask::first(rays.len - at);
@@ -299,9 +312,9 @@ impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTAN
         let (t, target) = self.query.ends(ray);
         let origin = gather3(self.rays.origin);
         let mut rays = PacketRays::new(origin, gather3(self.rays.direction), skip, t, target);
-        let axis = rays.common_axis(valid).filter(|_| {
-            self.packets == Packets::Always || rays.is_coherent(valid)
-        });
+        let axis = rays
+            .common_axis(valid)
+            .filter(|_| self.packets == Packets::Always || rays.is_coherent(valid));
         if let Some(axis) = axis {
             packet::descend::<OCTANT, SPHERES, Q>(
                 self.tree,
@@ -312,16 +325,37 @@ impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTAN
                 self.counters,
             );
         }
-        let lanes = RayLanes::new(&rays);
-        for (lane, &ray) in ray.as_array()[..group.len()].iter().enumerate() {
-            let flight = lanes.flight(lane, ray);
+        // Lanes that go on alone.
+        let mut alone = valid;
+        if axis.is_some() {
+            let (t, primitive) = (rays.t.to_array(), rays.primitive.to_array());
+            for lane in valid.lanes() {
+                if self.scratch.packet.pending[lane].len == 0 {
+                    alone = alone & !Mask(1 << lane);
+                    let ray = ray.as_array()[lane] as usize;
+                    self.query.finish(ray, t[lane], primitive[lane]);
+                }
+            }
+        }
+        if alone.any() {
+            self.take_off(&rays, ray, alone, axis.is_some());
+        }
+    }
+
+    /// Puts the rays of these lanes in flight, at the root or at what a group has left to each.
+    #[inline(never)]
+    fn take_off(&mut self, rays: &PacketRays, ray: U32s, lanes: Mask, from_group: bool) {
+        let columns = RayLanes::new(rays);
+        for lane in lanes.lanes() {
+            let ray = ray.as_array()[lane];
+            let flight = columns.flight(lane, ray);
             let slot = self.free[self.free_len - 1] as usize;
             let base = slot * self.scratch.stride;
             let scratch = &mut *self.scratch;
             scratch.stack[base] = DONE;
             scratch.stack_t[base] = f32::NEG_INFINITY;
             let mut top = base + 1;
-            let current = if axis.is_some() {
+            let current = if from_group {
                 // The last that the group came to is the first to be put aside.
                 let pending = &scratch.packet.pending[lane];
                 for at in (0..pending.len).rev() {
@@ -486,7 +520,8 @@ impl RayLanes {
     #[inline(always)]
     fn flight(&self, lane: usize, ray: u32) -> Flight {
         let at = |columns: &[[f32; LANES]; 3]| [0, 1, 2].map(|k| columns[k][lane]);
-        let largest = usize::from(self.largest[1].test(lane)) + 2 * usize::from(self.largest[2].test(lane));
+        let largest =
+            usize::from(self.largest[1].test(lane)) + 2 * usize::from(self.largest[2].test(lane));
         Flight {
             reciprocal: at(&self.reciprocal)
                 .map(|r| bytemuck::cast([f32x8::splat(r), f32x8::splat(-r)])),

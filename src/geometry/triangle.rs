@@ -111,11 +111,7 @@ impl ShearRay {
     /// Lanes of `valid` whose triangles the ray hits, and their distances, > 0 (undefined in other
     /// lanes). `row(axis, corner)` is a coordinate of all the triangles.
     #[inline(always)]
-    pub fn intersect_rows(
-        &self,
-        row: impl Fn(usize, usize) -> F32s,
-        valid: Mask,
-    ) -> (Mask, F32s) {
+    pub fn intersect_rows(&self, row: impl Fn(usize, usize) -> F32s, valid: Mask) -> (Mask, F32s) {
         let corner = |corner| self.project_lanes(&row, corner);
         hits_of_projected([corner(0), corner(1), corner(2)], valid, || {
             [0, 1, 2].map(|corner| self.project_lanes(&row, corner))
@@ -161,11 +157,7 @@ impl ShearRays {
     /// Lanes of `valid` whose rays hit the triangle of `coordinate(axis, corner)`, and their distances, > 0
     /// (undefined in other lanes): for each ray the bits that [`ShearRay::intersect`] gives.
     #[inline(always)]
-    pub fn intersect(
-        &self,
-        coordinate: impl Fn(usize, usize) -> f32,
-        valid: Mask,
-    ) -> (Mask, F32s) {
+    pub fn intersect(&self, coordinate: impl Fn(usize, usize) -> f32, valid: Mask) -> (Mask, F32s) {
         let corner = |corner| self.project(&coordinate, corner);
         hits_of_projected([corner(0), corner(1), corner(2)], valid, || {
             [0, 1, 2].map(|corner| self.project(&coordinate, corner))
@@ -226,7 +218,8 @@ fn hits_of_projected(
     let scale = F32s::splat(1.0) / (u + v + w);
     let t = (u * scale) * a[2] + (v * scale) * b[2] + (w * scale) * c[2];
     let hit = candidates & t.gt(zero) & t.lt(F32s::splat(f32::INFINITY));
-    let undecided = (Compare::eq(u, zero) | Compare::eq(v, zero) | Compare::eq(w, zero)) & candidates;
+    let undecided =
+        (Compare::eq(u, zero) | Compare::eq(v, zero) | Compare::eq(w, zero)) & candidates;
     if undecided.none() {
         return (hit, t);
     }
