@@ -4,6 +4,7 @@ mod bvh2;
 mod bvh8;
 mod leaf;
 mod linear;
+mod octree;
 mod polygon;
 mod shell;
 mod stack;
@@ -15,6 +16,7 @@ mod walk;
 pub use bvh2::Bvh2;
 pub use bvh8::Bvh8;
 pub use linear::LinearScan;
+pub use octree::Octree;
 
 use crate::error::{Error, Result};
 use crate::geometry::Geometry;
@@ -24,6 +26,8 @@ use crate::geometry::Geometry;
 pub enum Structure {
     /// [`LinearScan`].
     Linear,
+    /// [`Octree`].
+    Octree,
     /// [`Bvh2`].
     Bvh2,
     /// [`Bvh8`].
@@ -55,6 +59,7 @@ pub fn build(structure: Structure, geometry: &Geometry) -> Result<Box<dyn Accel>
     }
     Ok(match structure {
         Structure::Linear => Box::new(LinearScan::new(geometry)),
+        Structure::Octree => Box::new(Octree::new(geometry)),
         Structure::Bvh2 => Box::new(Bvh2::new(geometry)),
         Structure::Bvh8 => Box::new(Bvh8::new(geometry)),
     })
