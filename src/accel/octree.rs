@@ -21,9 +21,10 @@
 //! | hairball, 199 996 | 1329, 59 B | 1735, 111 B |
 //! | sponge, 36 096 | 326, 68 B | 352, 142 B |
 //!
-//! The clipped form also takes five times as long to build. Two things did not pay in the loose form: to
-//! sort the children that a ray enters by distance (the same within 5 %, either way), and to leave
-//! primitives larger than half a cell, or a cell, in the inner node (up to 40 % slower).
+//! The clipped form also takes five times as long to build; the loose one takes 0.2 s for a million
+//! triangles, on one thread. Two things did not pay in the loose form: to sort the children that a ray enters
+//! by distance (the same within 5 %, either way), and to leave primitives larger than a child's cell with
+//! the parent (with leaves of one pack, from 5 % faster to 12 % slower).
 
 mod build;
 mod leaves;
