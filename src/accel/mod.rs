@@ -2,6 +2,7 @@
 
 mod bvh2;
 mod bvh8;
+pub mod foreign;
 mod leaf;
 mod linear;
 mod polygon;
@@ -28,6 +29,20 @@ pub enum Structure {
     Bvh2,
     /// [`Bvh8`].
     Bvh8,
+}
+
+impl Structure {
+    /// Every structure.
+    pub const ALL: [Self; 3] = [Self::Linear, Self::Bvh2, Self::Bvh8];
+
+    /// Name as on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Bvh2 => "bvh2",
+            Self::Bvh8 => "bvh8",
+        }
+    }
 }
 
 /// Up to this many primitives the linear scan is the faster one. Measured with 16 lanes, incoherent rays:

@@ -1,5 +1,6 @@
 //! The command line. Only this module and `main` print.
 
+mod accels;
 mod args;
 mod compare;
 mod interrupt;
@@ -28,7 +29,7 @@ pub const BAD_INPUT: u8 = 2;
 pub enum Status {
     /// It did what was asked: exit code 0.
     Done,
-    /// The images differ by more than was allowed: exit code 1.
+    /// Images, or answers of structures, differ by more than is allowed: exit code 1.
     Exceeded,
     /// It was interrupted and has written what there was: exit code 130, as shells report SIGINT.
     Interrupted,
@@ -57,6 +58,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Result<Status> {
         Some(Command::Render(args)) => render::run(&RenderJob::new(&args)?),
         Some(Command::Plan(args)) => plan::run(&SceneJob::new(&args)?),
         Some(Command::Compare(args)) => compare::run(&args),
+        Some(Command::Accels(args)) => accels::run(&args),
     }
 }
 

@@ -1,0 +1,457 @@
+//! Ray sets from a scene itself: what a path tracer would ask of its structure.
+
+use rand_core::Rng;
+use rand_pcg::Pcg32;
+use serde::{Deserialize, Serialize};
+
+use crate::accel::{HitBatch, RayBatch, ShadowBatch};
+use crate::compile::{CompiledScene, Features, TILE, WorkItem};
+use crate::geometry::{PrimitiveId, SurfacePoint, spawn_origin};
+use crate::integrator::schedule::Tiles;
+use crate::light::{self, Receiver, kinds};
+use crate::math::lanes::{F32s, LANES, Mask, U32s, compress, iota, load, load_u32, padded, to_f32};
+use crate::math::warp::cosine_hemisphere;
+use crate::math::{Compare, Frame, Vec3s};
+use crate::sampler::Pcg32s;
+use crate::sampler::pcg::STREAM;
+use crate::stage::surface::surface;
+
+/// Most samples of a pixel in one work item, as renders have them.
+const MOST_SAMPLES: usize = 16;
+
+/// Camera rays for each wanted ray of a set, after which no more are tried: the rest escapes.
+const MOST_TRIES: u64 = 64;
+
+/// What rays a set has.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    PartialOrd,
+    Ord,
+    Serialize,
+    Deserialize,
+    clap::ValueEnum,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum RayKind {
+    /// Camera rays, tile by tile.
+    Primary,
+    /// Cosine-distributed bounces from the hits of camera rays, in their order.
+    Diffuse,
+    /// Bounces from the hits of those, shuffled.
+    Diffuse2,
+    /// Segments from hits of camera rays and of their bounces to points on the lights.
+    Shadow,
+}
+
+impl RayKind {
+    /// Every kind.
+    pub const ALL: [Self; 4] = [Self::Primary, Self::Diffuse, Self::Diffuse2, Self::Shadow];
+
+    /// Name as on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Primary => "primary",
+            Self::Diffuse => "diffuse",
+            Self::Diffuse2 => "diffuse2",
+            Self::Shadow => "shadow",
+        }
+    }
+}
+
+/// Rays of one kind, in columns.
+#[derive(Debug, Clone)]
+pub struct RaySet {
+    kind: RayKind,
+    len: usize,
+    /// Columns are at least `len` rounded up to the lane width long, and one vector of lanes more.
+    origin: [Vec<f32>; 3],
+    direction: [Vec<f32>; 3],
+    /// Ends of shadow segments; empty otherwise.
+    t_max: Vec<f32>,
+}
+
+impl RaySet {
+    fn new(kind: RayKind) -> Self {
+        let mut set = Self {
+            kind,
+            len: 0,
+            origin: Default::default(),
+            direction: Default::default(),
+            t_max: Vec::new(),
+        };
+        set.resize();
+        set
+    }
+
+    /// What rays these are.
+    pub fn kind(&self) -> RayKind {
+        self.kind
+    }
+
+    /// Number of rays.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Origin of ray `at`, direction (unit length), and end of its segment (infinite unless it is a
+    /// shadow ray's).
+    pub fn ray(&self, at: usize) -> ([f32; 3], [f32; 3], f32) {
+        (
+            [0, 1, 2].map(|axis| self.origin[axis][at]),
+            [0, 1, 2].map(|axis| self.direction[axis][at]),
+            self.t_max.get(at).copied().unwrap_or(f32::INFINITY),
+        )
+    }
+
+    /// The `len` rays from `at` on. `none` is a column of [`PrimitiveId::NONE`], as long as the batch
+    /// rounded up to the lane width: rays start on no primitive, since other projects' structures know
+    /// no such thing.
+    pub fn rays<'a>(&'a self, at: usize, len: usize, none: &'a [u32]) -> RayBatch<'a> {
+        RayBatch {
+            len,
+            origin: [0, 1, 2].map(|axis| &self.origin[axis][at..]),
+            direction: [0, 1, 2].map(|axis| &self.direction[axis][at..]),
+            skip: none,
+        }
+    }
+
+    /// As [`Self::rays`], for shadow rays.
+    pub fn shadows<'a>(&'a self, at: usize, len: usize, none: &'a [u32]) -> ShadowBatch<'a> {
+        ShadowBatch {
+            rays: self.rays(at, len, none),
+            t_max: &self.t_max[at..],
+            target: none,
+        }
+    }
+
+    /// `count` of the rays, evenly spread over the set; all of them if there are not more.
+    #[must_use]
+    pub fn sample(&self, count: usize) -> Self {
+        let count = count.min(self.len);
+        self.pick((0..count).map(|i| i * self.len / count.max(1)))
+    }
+
+    /// Shadow rays without their ends, as if they were bounces.
+    #[must_use]
+    pub fn unbounded(&self) -> Self {
+        Self {
+            kind: RayKind::Diffuse,
+            t_max: Vec::new(),
+            ..self.clone()
+        }
+    }
+
+    /// The rays of these numbers, in this order.
+    fn pick(&self, numbers: impl ExactSizeIterator<Item = usize> + Clone) -> Self {
+        let mut picked = Self {
+            len: numbers.len(),
+            ..Self::new(self.kind)
+        };
+        let column = |values: &[f32]| {
+            if values.is_empty() {
+                Vec::new()
+            } else {
+                numbers.clone().map(|number| values[number]).collect()
+            }
+        };
+        for axis in 0..3 {
+            picked.origin[axis] = column(&self.origin[axis]);
+            picked.direction[axis] = column(&self.direction[axis]);
+        }
+        picked.t_max = column(&self.t_max);
+        picked.resize();
+        picked
+    }
+
+    /// All rays in random order.
+    fn shuffled(&self, seed: u64) -> Self {
+        let mut order: Vec<usize> = (0..self.len).collect();
+        let mut random = Pcg32::new(seed, STREAM);
+        for last in (1..order.len()).rev() {
+            // Fisher and Yates; the bias of the product is below 2⁻³².
+            let other = (random.next_u64() as u128 * (last as u128 + 1)) >> 64;
+            order.swap(last, other as usize);
+        }
+        self.pick(order.into_iter())
+    }
+
+    /// Makes room for one more vector of lanes.
+    fn resize(&mut self) {
+        let room = padded(self.len) + LANES;
+        for column in self.origin.iter_mut().chain(&mut self.direction) {
+            column.resize(room, 0.0);
+        }
+        if self.kind == RayKind::Shadow {
+            self.t_max.resize(room, 0.0);
+        }
+    }
+
+    /// Appends the rays of the lanes in `mask`.
+    fn push(&mut self, mask: Mask, origin: Vec3s, direction: Vec3s, t_max: F32s) {
+        for (column, value) in self
+            .origin
+            .iter_mut()
+            .zip([origin.x, origin.y, origin.z])
+            .chain(
+                self.direction
+                    .iter_mut()
+                    .zip([direction.x, direction.y, direction.z]),
+            )
+        {
+            compress(column, self.len, mask, value);
+        }
+        if self.kind == RayKind::Shadow {
+            compress(&mut self.t_max, self.len, mask, t_max);
+        }
+        self.len += mask.count();
+        self.resize();
+    }
+
+    /// Appends rays of another set until there are `most`.
+    fn append(&mut self, other: &Self, most: usize) {
+        let taken = other.len.min(most - self.len);
+        let extend = |column: &mut Vec<f32>, values: &[f32]| {
+            column.truncate(self.len);
+            column.extend_from_slice(&values[..taken]);
+        };
+        for axis in 0..3 {
+            extend(&mut self.origin[axis], &other.origin[axis]);
+            extend(&mut self.direction[axis], &other.direction[axis]);
+        }
+        if self.kind == RayKind::Shadow {
+            extend(&mut self.t_max, &other.t_max);
+        }
+        self.len += taken;
+        self.resize();
+    }
+}
+
+/// Sets of up to `count` rays of each of these kinds, always the same for the same scene and seed.
+/// Where few camera rays hit anything, sets are smaller, and may be empty.
+pub fn ray_sets(scene: &CompiledScene, wanted: &[RayKind], count: usize, seed: u64) -> Vec<RaySet> {
+    let mut maker = Maker {
+        scene,
+        seed,
+        drawn: 0,
+    };
+    let mut sets: Vec<RaySet> = wanted.iter().map(|&kind| RaySet::new(kind)).collect();
+    let tiles = Tiles::new(scene.width, scene.height);
+    let pixels = scene.width as usize * scene.height as usize;
+    let (mut first_sample, mut block, mut tried, mut tile_number) = (0, 0, 0, 0usize);
+    loop {
+        let missing = sets.iter().map(|set| count - set.len).max().unwrap_or(0);
+        if missing == 0 || tried >= MOST_TRIES * count as u64 {
+            break;
+        }
+        // As many samples as fill the missing rays from the whole image, or, where one sample is too
+        // many, tiles evenly spread over it.
+        let samples = missing.div_ceil(pixels).clamp(1, MOST_SAMPLES) as u32;
+        let per_tile = (TILE * TILE * samples) as usize;
+        let visited = missing.div_ceil(per_tile).min(tiles.count());
+        for i in 0..visited {
+            let tile = i * tiles.count() / visited;
+            let item = tiles.item(tile, block, (first_sample, samples));
+            tried += u64::from(item.paths());
+            let made = maker.chain(&item, tile_number, wanted);
+            for set in &mut sets {
+                if let Some(rays) = made.iter().find(|rays| rays.kind == set.kind) {
+                    set.append(rays, count);
+                }
+            }
+            tile_number += 1;
+        }
+        first_sample += u64::from(samples);
+        block += 1;
+    }
+    sets.into_iter()
+        .map(|set| match set.kind {
+            RayKind::Diffuse2 => set.shuffled(seed),
+            _ => set,
+        })
+        .collect()
+}
+
+/// Makes rays, one work item after the other.
+struct Maker<'a> {
+    scene: &'a CompiledScene,
+    seed: u64,
+    /// Vectors of lanes that have drawn random numbers so far.
+    drawn: u32,
+}
+
+/// Rays with their hits.
+struct Traced {
+    rays: RaySet,
+    t: Vec<f32>,
+    primitive: Vec<u32>,
+}
+
+/// A vector of hits.
+struct Hits {
+    active: Mask,
+    primitive: U32s,
+    point: SurfacePoint,
+    /// Unit geometric normal, on the ray's side.
+    normal: Vec3s,
+}
+
+impl Maker<'_> {
+    /// Camera rays of the item and what follows from them, as far as it is wanted.
+    fn chain(&mut self, item: &WorkItem, tile_number: usize, wanted: &[RayKind]) -> Vec<RaySet> {
+        let wants = |kind| wanted.contains(&kind);
+        let camera = self.camera(item);
+        if wanted == [RayKind::Primary] {
+            return vec![camera];
+        }
+        let camera = self.trace(camera);
+        let bounces = self.bounce(&camera, RayKind::Diffuse);
+        // Every other tile, so that neither half of the image has only one kind of shadow rays.
+        let from_camera = tile_number.is_multiple_of(2);
+        if !wants(RayKind::Diffuse2) && !(wants(RayKind::Shadow) && !from_camera) {
+            let shadows = self.shadows(&camera);
+            return vec![camera.rays, bounces, shadows];
+        }
+        let bounces = self.trace(bounces);
+        let bounces2 = self.bounce(&bounces, RayKind::Diffuse2);
+        let shadows = self.shadows(if from_camera { &camera } else { &bounces });
+        vec![camera.rays, bounces.rays, bounces2, shadows]
+    }
+
+    /// The rays that the generate stage makes of the item, with independent samples.
+    fn camera(&self, item: &WorkItem) -> RaySet {
+        let mut rays = RaySet::new(RayKind::Primary);
+        for start in (0..item.paths()).step_by(LANES) {
+            let path = U32s::splat(start) + iota();
+            let (x, y, sample) = item.locate(path);
+            let pixel = y * U32s::splat(item.image_width) + x;
+            let mut random = Pcg32s::for_paths(self.seed, pixel, item.first_sample, sample);
+            let jitter = [random.next_f32(), random.next_f32()];
+            let direction = self
+                .scene
+                .camera
+                .directions(to_f32(x) + jitter[0], to_f32(y) + jitter[1]);
+            rays.push(
+                Mask::first((item.paths() - start) as usize),
+                Vec3s::splat(self.scene.camera.eye),
+                direction,
+                F32s::splat(f32::INFINITY),
+            );
+        }
+        rays
+    }
+
+    /// Finds the closest hits by the scene's own structure.
+    fn trace(&self, rays: RaySet) -> Traced {
+        let room = padded(rays.len);
+        let none = vec![PrimitiveId::NONE; room];
+        let (mut t, mut primitive) = (vec![0.0; room], none.clone());
+        self.scene.accel.closest(
+            rays.rays(0, rays.len, &none),
+            HitBatch {
+                t: &mut t,
+                primitive: &mut primitive,
+            },
+            &mut Default::default(),
+        );
+        Traced { rays, t, primitive }
+    }
+
+    /// The hits of the rays from `at` on.
+    #[inline]
+    fn hits(&self, traced: &Traced, at: usize) -> Hits {
+        let vector = |[x, y, z]: &[Vec<f32>; 3]| Vec3s::new(load(x, at), load(y, at), load(z, at));
+        let (origin, direction) = (vector(&traced.rays.origin), vector(&traced.rays.direction));
+        let primitive = load_u32(&traced.primitive, at);
+        let hit = !primitive.eq(U32s::splat(PrimitiveId::NONE));
+        let (point, outward) = surface::<{ Features::all().0 }>(
+            self.scene,
+            primitive,
+            origin,
+            direction,
+            load(&traced.t, at),
+        );
+        let behind = outward.dot(direction).gt(F32s::splat(0.0));
+        Hits {
+            active: Mask::first(traced.rays.len - at) & hit,
+            primitive,
+            point,
+            normal: Vec3s::select(behind, -outward, outward),
+        }
+    }
+
+    /// The next generators, which no other rays have.
+    fn random(&mut self) -> Pcg32s {
+        /// First of the samples that no camera ray has.
+        const BEYOND_ALL_SAMPLES: u64 = 1 << 63;
+        let vector = u64::from(self.drawn);
+        self.drawn += 1;
+        Pcg32s::for_paths(
+            self.seed,
+            iota(),
+            BEYOND_ALL_SAMPLES + vector,
+            U32s::splat(0),
+        )
+    }
+
+    /// Bounces from the hits, in their order, on the side that the rays came from.
+    fn bounce(&mut self, traced: &Traced, kind: RayKind) -> RaySet {
+        let mut rays = RaySet::new(kind);
+        for at in (0..traced.rays.len).step_by(LANES) {
+            let mut random = self.random();
+            let hits = self.hits(traced, at);
+            let local = cosine_hemisphere(random.next_f32(), random.next_f32());
+            let direction = Frame::from_normal(hits.normal).to_world(local).normalize();
+            let origin = spawn_origin(&hits.point, hits.normal, hits.normal);
+            rays.push(hits.active, origin, direction, F32s::splat(f32::INFINITY));
+        }
+        rays
+    }
+
+    /// Shadow rays from the hits to points on the lights, ending as far before them as renders let
+    /// them end. Without lights they go in directions of a bounce, and have no end.
+    fn shadows(&mut self, traced: &Traced) -> RaySet {
+        let scene = self.scene;
+        let mut rays = RaySet::new(RayKind::Shadow);
+        for at in (0..traced.rays.len).step_by(LANES) {
+            let mut random = self.random();
+            let u = [random.next_f32(), random.next_f32(), random.next_f32()];
+            let hits = self.hits(traced, at);
+            let (direction, t_max, valid) = if scene.lights.kinds() == 0 {
+                let local = cosine_hemisphere(u[1], u[2]);
+                (
+                    Frame::from_normal(hits.normal).to_world(local).normalize(),
+                    F32s::splat(f32::INFINITY),
+                    Mask::ALL,
+                )
+            } else {
+                let receiver = Receiver {
+                    p: hits.point.p,
+                    n: hits.normal,
+                    primitive: hits.primitive,
+                };
+                let sample = light::sample::<{ kinds::ALL }>(&scene.lights, &receiver, u);
+                // Light from behind the surface is not asked for.
+                let before = hits.normal.dot(sample.direction).gt(F32s::splat(0.0));
+                (
+                    sample.direction,
+                    sample.distance - F32s::splat(scene.light_point_error),
+                    sample.valid & before,
+                )
+            };
+            let origin = spawn_origin(&hits.point, hits.normal, hits.normal);
+            let asked = hits.active & valid & t_max.gt(F32s::splat(0.0));
+            rays.push(asked, origin, direction, t_max);
+        }
+        rays
+    }
+}
