@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::rays::RaySet;
 use super::rounds::Answers;
+use super::scan::Hit;
 use crate::geometry::{Geometry, PrimitiveId};
 use crate::math::float::gamma;
 
@@ -21,55 +22,43 @@ pub struct Differences {
     pub differing: u64,
 }
 
-/// The scan's answers to a sample, against which others are held.
+/// The nearest hits of a sample, by a scan over all primitives, against which answers are held.
 #[derive(Debug)]
-pub struct Reference {
+pub(super) struct Reference {
     /// The sample.
-    pub rays: RaySet,
-    /// The scan's answers.
-    pub answers: Answers,
-    /// Of shadow rays, the closest hits on the unbounded rays; otherwise empty.
-    pub beyond: Vec<(f32, u32)>,
+    pub(super) rays: RaySet,
+    /// Nearest hit of each ray, for shadow rays wherever they end.
+    pub(super) hits: Vec<Hit>,
 }
 
 impl Reference {
-    /// Counts in what `answers` to the same sample differ.
-    ///
-    /// # Panics
-    /// If they are answers to another kind or number of rays.
-    pub fn compare(&self, geometry: &Geometry, answers: &Answers) -> Differences {
+    /// Counts in what the answers to the same sample differ.
+    pub(super) fn compare(&self, geometry: &Geometry, answers: &Answers) -> Differences {
         let mut differences = Differences {
             rays: self.rays.len() as u64,
             ..Differences::default()
         };
-        let mut count = |ray, same: bool, tie: &dyn Fn(usize) -> bool| match (same, tie) {
-            (true, _) => {}
-            (false, tie) if tie(ray) => differences.ties += 1,
-            (false, _) => differences.differing += 1,
-        };
-        match (&self.answers, answers) {
-            (Answers::Closest(ours), Answers::Closest(theirs)) => {
-                assert_eq!(ours.len(), theirs.len(), "the same rays");
-                for (ray, (&a, &b)) in ours.iter().zip(theirs).enumerate() {
-                    count(ray, a.1 == b.1, &|ray| {
-                        let ray = self.rays.ray(ray);
-                        let slack = rounding(geometry, ray, a.1).max(rounding(geometry, ray, b.1));
-                        (f64::from(a.0) - f64::from(b.0)).abs() <= slack
-                    });
+        for (number, &(t, primitive)) in self.hits.iter().enumerate() {
+            let ray = self.rays.ray(number);
+            // What the distance is to be compared with, and whose rounding matters beside its own.
+            let (same, distance, other) = match answers {
+                Answers::Closest(hits) => {
+                    (hits[number].1 == primitive, hits[number].0, hits[number].1)
                 }
+                Answers::Occluded(blocked) => (blocked[number] == (t < ray.2), ray.2, primitive),
+            };
+            if same {
+                continue;
             }
-            (Answers::Occluded(ours), Answers::Occluded(theirs)) => {
-                assert_eq!(ours.len(), theirs.len(), "the same rays");
-                for (ray, (&a, &b)) in ours.iter().zip(theirs).enumerate() {
-                    count(ray, a == b, &|ray| {
-                        let (t, primitive) = self.beyond[ray];
-                        let ray = self.rays.ray(ray);
-                        (f64::from(t) - f64::from(ray.2)).abs()
-                            <= rounding(geometry, ray, primitive)
-                    });
-                }
+            let slack = [primitive, other]
+                .map(|id| rounding(geometry, ray, id))
+                .into_iter()
+                .fold(0.0, f64::max);
+            if (f64::from(t) - f64::from(distance)).abs() <= slack {
+                differences.ties += 1;
+            } else {
+                differences.differing += 1;
             }
-            _ => unreachable!("answers to the same rays are of the same kind"),
         }
         differences
     }

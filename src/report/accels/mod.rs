@@ -5,29 +5,34 @@ mod differences;
 mod memory;
 mod rays;
 mod rounds;
+mod scan;
 mod table;
 
 pub use contestants::{BuildFigures, Builder, Built, Contestant};
-pub use differences::{Differences, Reference, rounding};
+pub use differences::{Differences, rounding};
 pub use rays::{RayKind, RaySet, ray_sets};
 pub use rounds::{Answers, Round, answers, run};
 
 use rayon::ThreadPool;
 use serde::{Deserialize, Serialize};
 
+use self::differences::Reference;
+use self::scan::Scan;
 use super::{Build, Machine, SceneReport};
-use crate::accel::{AccelCounters, LinearScan, Structure};
+use crate::accel::{AccelCounters, Structure};
 use crate::compile::CompiledScene;
 use crate::error::{Error, Result};
-use crate::geometry::Geometry;
 use crate::scene::SceneDescription;
 
 /// Version of the JSON format; it changes when a field changes its meaning or disappears.
 pub const FORMAT: u32 = 1;
 
-/// Ray–primitive tests of one run of a scan over all primitives: about two CPU seconds at 1 ns each.
-/// Where a set has more rays than that allows, the scan runs over a sample of it.
+/// Ray–primitive tests of the scan that answers are held against: about two CPU seconds at 1 ns each.
+/// Where a set has more rays than that allows, a sample of it is compared.
 pub const SCAN_TESTS: usize = 2_000_000_000;
+
+/// Ray–primitive tests in a round of [`Structure::Linear`], at up to 10 ns each; as above.
+pub const LINEAR_TESTS: usize = 200_000_000;
 
 /// What is compared, and how.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -250,14 +255,17 @@ pub fn compare(input: AccelsInput<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Resul
             kinds: Vec::new(),
         })
         .collect();
-    let scan = scan(&geometry);
+    let scan = Scan::new(&geometry);
     for set in sets.iter().filter(|set| !set.is_empty()) {
         tell(Event::Progress(&format!(
             "{}: comparing answers",
             set.kind().name()
         )));
-        let sample = set.sample((SCAN_TESTS / geometry.len().max(1)).max(1));
-        let reference = reference(&pool, &scan, sample, settings.batch);
+        let rays = set.sample((SCAN_TESTS / geometry.len().max(1)).max(1));
+        let reference = Reference {
+            hits: pool.install(|| scan.nearest(&rays)),
+            rays,
+        };
         let differences: Vec<Differences> = built
             .iter()
             .map(|built| {
@@ -265,7 +273,8 @@ pub fn compare(input: AccelsInput<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Resul
                 reference.compare(&geometry, &answers)
             })
             .collect();
-        let timings = time(&pool, &built, set, &reference.rays, settings, tell);
+        let few = set.sample((LINEAR_TESTS / geometry.len().max(1)).max(1));
+        let timings = time(&pool, &built, set, &few, settings, tell);
         let figures = figures(set.kind(), &built, timings, &differences);
         for (structure, figures) in structures.iter_mut().zip(figures) {
             structure.kinds.push(figures);
@@ -284,33 +293,6 @@ pub fn compare(input: AccelsInput<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Resul
     })
 }
 
-/// A scan over the primitives as they are: nothing merged, nothing left out of shadow rays.
-fn scan(geometry: &Geometry) -> LinearScan {
-    LinearScan::new(&Geometry {
-        triangles: geometry.triangles.clone(),
-        spheres: geometry.spheres.clone(),
-        groups: Vec::new(),
-        segment_ends: None,
-    })
-}
-
-/// The scan's answers to a sample.
-fn reference(pool: &ThreadPool, scan: &LinearScan, rays: RaySet, batch: usize) -> Reference {
-    let scanned = answers(pool, scan, &rays, batch);
-    let beyond = match &scanned {
-        Answers::Closest(_) => Vec::new(),
-        Answers::Occluded(_) => match answers(pool, scan, &rays.unbounded(), batch) {
-            Answers::Closest(hits) => hits,
-            Answers::Occluded(_) => unreachable!("unbounded rays are no shadow rays"),
-        },
-    };
-    Reference {
-        rays,
-        answers: scanned,
-        beyond,
-    }
-}
-
 /// Rounds of a structure, its work, and how many rays a round has.
 struct Timing {
     rounds: Vec<Round>,
@@ -318,18 +300,18 @@ struct Timing {
     rays: usize,
 }
 
-/// Runs all structures once, then in rounds, one after the other in each. A scan over all primitives
-/// runs over the sample only.
+/// Runs all structures once, then in rounds, one after the other in each. [`Structure::Linear`]
+/// answers only the `few` rays that it has time for.
 fn time(
     pool: &ThreadPool,
     built: &[Built],
     set: &RaySet,
-    sample: &RaySet,
+    few: &RaySet,
     settings: &AccelsSettings,
     tell: &mut dyn FnMut(Event<'_>),
 ) -> Vec<Timing> {
     let rays = |built: &Built| match built.contestant {
-        Contestant::Own(Structure::Linear) => sample,
+        Contestant::Own(Structure::Linear) => few,
         _ => set,
     };
     let run_one = |built: &Built| run(pool, &*built.accel, rays(built), settings.batch);

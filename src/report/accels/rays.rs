@@ -141,16 +141,6 @@ impl RaySet {
         self.pick((0..count).map(|i| i * self.len / count.max(1)))
     }
 
-    /// Shadow rays without their ends, as if they were bounces.
-    #[must_use]
-    pub fn unbounded(&self) -> Self {
-        Self {
-            kind: RayKind::Diffuse,
-            t_max: Vec::new(),
-            ..self.clone()
-        }
-    }
-
     /// The rays of these numbers, in this order.
     fn pick(&self, numbers: impl ExactSizeIterator<Item = usize> + Clone) -> Self {
         let mut picked = Self {

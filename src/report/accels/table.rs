@@ -90,7 +90,7 @@ fn kind_table(
     let width = name_width(rows.iter().map(|(structure, _)| *structure));
     writeln!(
         f,
-        "\n{:<width$}{:>10}{:>10}{:>16}{:>8}{:>8}{:>8}{:>10}{:>8}{:>8}  {}",
+        "\n{:<width$}{:>10}{:>13}{:>18}{:>8}{:>8}{:>8}{:>12}{:>8}{:>8}  {}",
         first.kind.name(),
         "rays",
         "Mrays/CPU s",
@@ -107,7 +107,7 @@ fn kind_table(
         let rate = &figures.mrays_per_cpu_second;
         writeln!(
             f,
-            "{:<width$}{:>10}{:>11.3}{:>16}{:>8.3}{:>8}{:>8}{:>10}{:>8}{:>8}  {}",
+            "{:<width$}{:>10}{:>13.3}{:>18}{:>8.3}{:>8}{:>8}{:>12}{:>8}{:>8}  {}",
             structure.name,
             figures.rays,
             rate.median,
