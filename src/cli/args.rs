@@ -178,7 +178,7 @@ pub(super) struct AccelsArgs {
     pub(super) scene: PathBuf,
 
     /// Structures, separated by commas: this program's; obvhs-bvh2 and obvhs-cwbvh, with their own
-    /// traversals; embree-{medium,high,robust,high-robust}, by single rays or with -packet or -coherent
+    /// traversals; embree-{medium,high,robust}, by single rays or with -packet or -coherent
     /// by packets; embree for all of those [default: all]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(super) structures: Vec<String>,

@@ -15,10 +15,8 @@ pub enum EmbreeBuild {
     Medium,
     /// Quality high: with spatial splits.
     High,
-    /// Quality medium, with the flag for robust traversal and triangle tests.
+    /// With the flag for robust traversal and triangle tests; then quality high builds as medium does.
     Robust,
-    /// Quality high, with that flag.
-    HighRobust,
 }
 
 /// By which calls Embree is queried.
@@ -33,8 +31,8 @@ pub enum EmbreeCalls {
 }
 
 /// Every build with every kind of calls.
-pub const EMBREE: [(EmbreeBuild, EmbreeCalls); 12] = {
-    use EmbreeBuild::{High, HighRobust, Medium, Robust};
+pub const EMBREE: [(EmbreeBuild, EmbreeCalls); 9] = {
+    use EmbreeBuild::{High, Medium, Robust};
     use EmbreeCalls::{Coherent, Packet, Single};
     [
         (Medium, Single),
@@ -46,15 +44,12 @@ pub const EMBREE: [(EmbreeBuild, EmbreeCalls); 12] = {
         (Robust, Single),
         (Robust, Packet),
         (Robust, Coherent),
-        (HighRobust, Single),
-        (HighRobust, Packet),
-        (HighRobust, Coherent),
     ]
 };
 
 /// Name as on the command line.
 pub fn embree_name(build: EmbreeBuild, calls: EmbreeCalls) -> &'static str {
-    use EmbreeBuild::{High, HighRobust, Medium, Robust};
+    use EmbreeBuild::{High, Medium, Robust};
     use EmbreeCalls::{Coherent, Packet, Single};
     match (build, calls) {
         (Medium, Single) => "embree-medium",
@@ -66,8 +61,5 @@ pub fn embree_name(build: EmbreeBuild, calls: EmbreeCalls) -> &'static str {
         (Robust, Single) => "embree-robust",
         (Robust, Packet) => "embree-robust-packet",
         (Robust, Coherent) => "embree-robust-coherent",
-        (HighRobust, Single) => "embree-high-robust",
-        (HighRobust, Packet) => "embree-high-robust-packet",
-        (HighRobust, Coherent) => "embree-high-robust-coherent",
     }
 }

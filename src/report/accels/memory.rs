@@ -23,6 +23,19 @@ fn status(field: &str) -> Option<u64> {
     bytes_field(&fs::read_to_string("/proc/self/status").ok()?, field)
 }
 
+/// Lets the allocator give every large allocation back to the system as soon as it is freed, from now on,
+/// so that [`peak_growth`] sees what later builds take. By default it keeps up to 64 MiB per thread.
+pub(super) fn keep_no_freed_memory() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    {
+        #![expect(unsafe_code, reason = "the standard library has no such call")]
+        /// Bytes from which on an allocation is the system's own.
+        const LARGE: libc::c_int = 1 << 18;
+        // SAFETY: sets a parameter of the allocator; it may be called at any time.
+        unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, LARGE) };
+    }
+}
+
 /// Gives freed memory back to the system: what a build reuses of it would not be counted.
 fn release_freed() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]

@@ -229,6 +229,7 @@ pub fn compare(input: AccelsInput<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Resul
         tell(Event::Note(&notes[notes.len() - 1]));
     }
 
+    memory::keep_no_freed_memory();
     let mut built = Vec::new();
     let mut builder = Builder::new(&geometry, &pool);
     for &contestant in contestants {

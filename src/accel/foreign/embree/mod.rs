@@ -130,7 +130,6 @@ impl EmbreeScene {
             EmbreeBuild::Medium => (api::quality::MEDIUM, 0),
             EmbreeBuild::High => (api::quality::HIGH, 0),
             EmbreeBuild::Robust => (api::quality::MEDIUM, api::SCENE_ROBUST),
-            EmbreeBuild::HighRobust => (api::quality::HIGH, api::SCENE_ROBUST),
         };
         let api = self.api;
         let memory: *const Memory = &raw const *self.memory;
