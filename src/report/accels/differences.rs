@@ -15,8 +15,9 @@ use crate::math::float::gamma;
 pub struct Differences {
     /// Rays compared.
     pub rays: u64,
-    /// Another primitive at the same distance, as on a shared edge, or a shadow ray that ends on the
-    /// primitive in question: no error. "Same" is within [`rounding`].
+    /// No errors, within [`rounding`]: another primitive at the same distance, as on a shared edge or
+    /// where a polygon is one primitive for several; a shadow ray that ends on the primitive in
+    /// question; a ray that starts on it.
     pub ties: u64,
     /// All other differences.
     pub differing: u64,
@@ -38,23 +39,25 @@ impl Reference {
             rays: self.rays.len() as u64,
             ..Differences::default()
         };
-        for (number, &(t, primitive)) in self.hits.iter().enumerate() {
+        for (number, &scanned) in self.hits.iter().enumerate() {
             let ray = self.rays.ray(number);
-            // What the distance is to be compared with, and whose rounding matters beside its own.
-            let (same, distance, other) = match answers {
-                Answers::Closest(hits) => {
-                    (hits[number].1 == primitive, hits[number].0, hits[number].1)
+            let end = ray.2;
+            // What the scan's distance is held against, and the primitive there.
+            let (same, other) = match answers {
+                Answers::Closest(hits) => (hits[number].1 == scanned.1, hits[number]),
+                Answers::Occluded(blocked) => {
+                    (blocked[number] == (scanned.0 < end), (end, scanned.1))
                 }
-                Answers::Occluded(blocked) => (blocked[number] == (t < ray.2), ray.2, primitive),
             };
             if same {
                 continue;
             }
-            let slack = [primitive, other]
-                .map(|id| rounding(geometry, ray, id))
-                .into_iter()
-                .fold(0.0, f64::max);
-            if (f64::from(t) - f64::from(distance)).abs() <= slack {
+            let rounding = |(_, primitive): Hit| rounding(geometry, ray, primitive);
+            let nearer = if scanned.0 <= other.0 { scanned } else { other };
+            let apart = (f64::from(scanned.0) - f64::from(other.0)).abs();
+            if apart <= rounding(scanned).max(rounding(other))
+                || f64::from(nearer.0) <= rounding(nearer)
+            {
                 differences.ties += 1;
             } else {
                 differences.differing += 1;
@@ -99,4 +102,104 @@ pub fn rounding(
         }
     };
     2.0 * f64::from(gamma(8)) * reach / cosine
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Triangle;
+    use crate::report::accels::rays::RayKind;
+
+    /// Rays down the z axis from z = 0 through (0.25, 0.25).
+    const RAY: ([f32; 3], [f32; 3]) = ([0.25, 0.25, 0.0], [0.0, 0.0, 1.0]);
+
+    /// Parallel triangles across the axis, at these heights.
+    fn layers(heights: &[f32]) -> Geometry {
+        let triangles = heights.iter().map(|&z| Triangle {
+            corners: [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]],
+        });
+        Geometry {
+            triangles: triangles.collect(),
+            ..Geometry::default()
+        }
+    }
+
+    fn compare(
+        kind: RayKind,
+        end: f32,
+        heights: &[f32],
+        hit: Hit,
+        answers: &Answers,
+    ) -> Differences {
+        let reference = Reference {
+            rays: RaySet::of(kind, &[(RAY.0, RAY.1, end)]),
+            hits: vec![hit],
+        };
+        reference.compare(&layers(heights), answers)
+    }
+
+    /// (ties, differing) of one closest hit against the scan's.
+    fn closest(heights: &[f32], hit: Hit, other: Hit) -> (u64, u64) {
+        let answers = Answers::Closest(vec![other]);
+        let found = compare(RayKind::Diffuse, f32::INFINITY, heights, hit, &answers);
+        assert_eq!(found.rays, 1);
+        (found.ties, found.differing)
+    }
+
+    fn shadow(heights: &[f32], end: f32, hit: Hit, blocked: bool) -> (u64, u64) {
+        let answers = Answers::Occluded(vec![blocked]);
+        let found = compare(RayKind::Shadow, end, heights, hit, &answers);
+        (found.ties, found.differing)
+    }
+
+    const MISS: Hit = (f32::INFINITY, PrimitiveId::NONE);
+
+    #[test]
+    fn the_same_primitive_is_no_difference_and_a_lost_hit_is_one() {
+        assert_eq!(closest(&[2.0], (2.0, 0), (2.0, 0)), (0, 0));
+        assert_eq!(closest(&[2.0], MISS, MISS), (0, 0));
+        assert_eq!(closest(&[2.0], (2.0, 0), MISS), (0, 1));
+        assert_eq!(closest(&[2.0], MISS, (2.0, 0)), (0, 1));
+    }
+
+    #[test]
+    fn another_primitive_is_a_tie_up_to_rounding_and_a_difference_beyond() {
+        let next = 2.0f32.next_up();
+        assert_eq!(closest(&[2.0, next], (2.0, 0), (next, 1)), (1, 0));
+        let far = 2.0 * (1.0 + 40.0 * gamma(8));
+        assert_eq!(closest(&[2.0, far], (2.0, 0), (far, 1)), (0, 1));
+        assert_eq!(closest(&[2.0, 3.0], (2.0, 0), (3.0, 1)), (0, 1));
+    }
+
+    #[test]
+    fn a_hit_where_the_ray_starts_is_a_tie() {
+        assert_eq!(closest(&[1e-9, 3.0], (1e-9, 0), (3.0, 1)), (1, 0));
+        assert_eq!(closest(&[1e-9, 3.0], (3.0, 1), (1e-9, 0)), (1, 0));
+        assert_eq!(closest(&[1e-3, 3.0], (1e-3, 0), (3.0, 1)), (0, 1));
+    }
+
+    #[test]
+    fn occlusion_differs_unless_the_segment_ends_where_the_hit_is() {
+        assert_eq!(shadow(&[2.0], 3.0, (2.0, 0), true), (0, 0));
+        assert_eq!(shadow(&[2.0], 1.0, (2.0, 0), false), (0, 0));
+        assert_eq!(shadow(&[2.0], 3.0, (2.0, 0), false), (0, 1));
+        assert_eq!(shadow(&[2.0], 1.0, (2.0, 0), true), (0, 1));
+        assert_eq!(shadow(&[2.0], 2.0f32.next_up(), (2.0, 0), false), (1, 0));
+        assert_eq!(shadow(&[2.0], 2.0, (2.0, 0), true), (1, 0));
+        assert_eq!(shadow(&[2.0], f32::INFINITY, MISS, true), (0, 1));
+    }
+
+    #[test]
+    fn rounding_grows_with_distance_and_towards_grazing() {
+        let geometry = layers(&[2.0]);
+        let at = |origin, direction| rounding(&geometry, (origin, direction, f32::INFINITY), 0);
+        let near = at(RAY.0, RAY.1);
+        assert!(near > 0.0 && near < 2e-5, "{near}");
+        assert!(at([0.25, 0.25, -100.0], RAY.1) > 20.0 * near);
+        assert!(at(RAY.0, [0.8, 0.0, 0.6]) > 1.5 * near);
+        assert_eq!(
+            rounding(&geometry, (RAY.0, RAY.1, 1.0), PrimitiveId::NONE),
+            0.0
+        );
+    }
 }

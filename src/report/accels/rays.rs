@@ -88,6 +88,17 @@ impl RaySet {
         set
     }
 
+    /// The set of these rays: origin, direction, end.
+    #[cfg(test)]
+    pub(super) fn of(kind: RayKind, rays: &[([f32; 3], [f32; 3], f32)]) -> Self {
+        let mut set = Self::new(kind);
+        for &(origin, direction, end) in rays {
+            let (origin, direction) = (Vec3s::splat(origin), Vec3s::splat(direction));
+            set.push(Mask::first(1), origin, direction, F32s::splat(end));
+        }
+        set
+    }
+
     /// What rays these are.
     pub fn kind(&self) -> RayKind {
         self.kind
@@ -443,5 +454,154 @@ impl Maker<'_> {
             rays.push(asked, origin, direction, t_max);
         }
         rays
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::compile::compile;
+    use crate::scene::{self, RenderSettings};
+
+    /// A room of 2 m about the origin with a lamp, or a floor under the open sky.
+    fn scene(room: bool) -> CompiledScene {
+        let shape = if room {
+            "mesh = \"box\"\nsize = [2, 2, 2]"
+        } else {
+            "mesh = \"box\"\nsize = [2, 2, 0.2]\ntranslate = [0, 0, -0.9]"
+        };
+        let text = format!(
+            r#"
+            [film]
+            width = 70
+            height = 40
+            [cameras.inside]
+            eye = [0.1, 0.2, 0.3]
+            look_at = [1, 0, -0.2]
+            up = [0, 0, 1]
+            fov = 90
+            [materials.wall]
+            type = "lambertian"
+            reflectance = 0.5
+            [materials.lamp]
+            type = "emitter"
+            emission = 1
+            two_sided = true
+            [[shapes]]
+            type = "mesh"
+            material = "wall"
+            {shape}
+            [[shapes]]
+            type = "quad"
+            material = "lamp"
+            corners = [[0.2, 0.2, 0.9], [0.4, 0.2, 0.9], [0.4, 0.4, 0.9], [0.2, 0.4, 0.9]]
+            "#
+        );
+        let scene = scene::parse(text, Path::new("room.toml"), &[]).unwrap();
+        let film = scene.film;
+        compile(
+            &scene,
+            0,
+            film.width,
+            film.height,
+            &RenderSettings::default(),
+        )
+        .unwrap()
+    }
+
+    fn all(set: &RaySet) -> Vec<([f32; 3], [f32; 3], f32)> {
+        (0..set.len()).map(|at| set.ray(at)).collect()
+    }
+
+    #[test]
+    fn sets_are_complete_unit_length_and_inside_of_a_closed_room() {
+        let scene = scene(true);
+        for count in [1, 1000, 70 * 40, 30_000] {
+            for set in ray_sets(&scene, &RayKind::ALL, count, 1) {
+                assert_eq!(set.len(), count, "{:?}", set.kind());
+                for (origin, direction, end) in all(&set) {
+                    let length = direction.iter().map(|x| x * x).sum::<f32>().sqrt();
+                    assert!((length - 1.0).abs() < 1e-6, "{direction:?}");
+                    assert!(origin.iter().all(|x| x.abs() <= 1.0), "{origin:?}");
+                    let shadow = set.kind() == RayKind::Shadow;
+                    assert!(if shadow {
+                        end > 0.0 && end < 4.0
+                    } else {
+                        end == f32::INFINITY
+                    });
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sets_depend_on_the_seed_alone() {
+        let scene = scene(true);
+        let make = |wanted: &[RayKind], seed| ray_sets(&scene, wanted, 3000, seed);
+        let (a, b, c) = (
+            make(&RayKind::ALL, 1),
+            make(&RayKind::ALL, 1),
+            make(&RayKind::ALL, 2),
+        );
+        for i in 0..a.len() {
+            assert_eq!(all(&a[i]), all(&b[i]));
+            assert_ne!(all(&a[i]), all(&c[i]));
+        }
+        let alone = make(&[RayKind::Primary], 1);
+        assert_eq!(all(&alone[0]), all(&a[0]));
+    }
+
+    #[test]
+    fn shadow_rays_end_just_before_the_lamp() {
+        let scene = scene(true);
+        let lamp = 0.9 - f32::EPSILON;
+        for (origin, direction, end) in all(&ray_sets(&scene, &[RayKind::Shadow], 5000, 1)[0]) {
+            let tip = [0, 1, 2].map(|k| origin[k] + end * direction[k]);
+            assert!((tip[2] - lamp).abs() < 1e-4, "{tip:?}");
+            assert!((0.199..0.401).contains(&tip[0]) && (0.199..0.401).contains(&tip[1]));
+        }
+    }
+
+    #[test]
+    fn bounces_are_cosine_distributed_about_the_floor() {
+        let scene = scene(false);
+        let set = &ray_sets(&scene, &[RayKind::Diffuse], 20_000, 1)[0];
+        // From the floor's upper side; its mean cosine is 2/3, with a deviation of √(1/18).
+        let up: Vec<f64> = all(set)
+            .iter()
+            .filter(|(origin, ..)| origin[2] > -0.9 && origin[2] < 0.5)
+            .map(|(_, direction, _)| f64::from(direction[2]))
+            .collect();
+        assert!(up.len() > 5000);
+        let mean = up.iter().sum::<f64>() / up.len() as f64;
+        let sigma = (1.0 / 18.0 / up.len() as f64).sqrt();
+        assert!((mean - 2.0 / 3.0).abs() < 4.0 * sigma, "{mean}");
+    }
+
+    #[test]
+    fn sets_stay_small_where_all_rays_escape_and_none_is_waited_for() {
+        let scene = scene(false);
+        let sets = ray_sets(&scene, &RayKind::ALL, 500, 1);
+        assert_eq!(sets[0].len(), 500);
+        // From a convex box under a lamp, bounces meet nothing but the lamp.
+        assert!(sets[2].len() < 500, "{}", sets[2].len());
+    }
+
+    #[test]
+    fn shuffling_keeps_every_ray_and_samples_are_evenly_spread() {
+        let rays: Vec<_> = (0..100)
+            .map(|i| ([i as f32, 0.0, 0.0], [0.0, 0.0, 1.0], 1.0))
+            .collect();
+        let set = RaySet::of(RayKind::Shadow, &rays);
+        let mut shuffled = all(&set.shuffled(3));
+        assert_ne!(shuffled, rays);
+        shuffled.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
+        assert_eq!(shuffled, rays);
+        let sample: Vec<f32> = all(&set.sample(4)).iter().map(|ray| ray.0[0]).collect();
+        assert_eq!(sample, [0.0, 25.0, 50.0, 75.0]);
+        assert_eq!(all(&set.sample(1000)), rays);
+        assert!(set.sample(0).is_empty());
     }
 }

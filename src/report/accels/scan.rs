@@ -112,3 +112,47 @@ fn packs<T: Copy, P>(items: &[T], first: usize, pack: impl Fn(Vec<(u32, T)>) -> 
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::{Accel, AccelCounters, HitBatch, LinearScan};
+    use crate::geometry::Sphere;
+    use crate::geometry::testing::{Rng, lat_long_sphere};
+    use crate::math::lanes::padded;
+    use crate::report::accels::rays::RayKind;
+
+    #[test]
+    fn nearest_hits_are_those_of_the_linear_structure() {
+        let mut rng = Rng(5);
+        let spheres = (0..5).map(|_| Sphere {
+            center: rng.sphere().map(|x| 3.0 * x),
+            radius: 0.3,
+        });
+        let spheres = spheres.collect();
+        let geometry = Geometry {
+            triangles: lat_long_sphere(7, 9, 0.2, &mut rng).triangles(),
+            spheres,
+            ..Geometry::default()
+        };
+        let rays: Vec<_> = (0..1000)
+            .map(|_| (rng.sphere().map(|x| 5.0 * x), rng.sphere(), f32::INFINITY))
+            .collect();
+        let rays = RaySet::of(RayKind::Diffuse, &rays);
+        let none = vec![PrimitiveId::NONE; padded(rays.len())];
+        let (mut t, mut primitive) = (vec![0.0; none.len()], none.clone());
+        LinearScan::new(&geometry).closest(
+            rays.rays(0, rays.len(), &none),
+            HitBatch {
+                t: &mut t,
+                primitive: &mut primitive,
+            },
+            &mut AccelCounters::default(),
+        );
+        let nearest = Scan::new(&geometry).nearest(&rays);
+        let found: Vec<u32> = nearest.iter().map(|hit| hit.1).collect();
+        assert_eq!(found, primitive[..rays.len()]);
+        let hits = found.iter().filter(|&&id| id != PrimitiveId::NONE).count();
+        assert!(hits > 100 && hits < 1000, "{hits}");
+    }
+}
