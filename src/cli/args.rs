@@ -177,7 +177,7 @@ pub(super) struct AccelsArgs {
     /// Scene file (TOML)
     pub(super) scene: PathBuf,
 
-    /// Structures, separated by commas: this program's; obvhs-bvh2 and obvhs-cwbvh, with their own
+    /// Structures, separated by commas: linear, bvh2, bvh8; obvhs-bvh2 and obvhs-cwbvh, with their own
     /// traversals; embree-{medium,high,robust}, by single rays or with -packet or -coherent
     /// by packets; embree for all of those [default: all]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
@@ -251,6 +251,16 @@ mod tests {
     #[test]
     fn definitions_do_not_contradict_each_other() {
         Args::command().debug_assert();
+    }
+
+    #[test]
+    fn batches_are_as_large_as_the_wave() {
+        let Some(Command::Accels(args)) = Args::parse_from(["wavepath", "accels", "a"]).command
+        else {
+            panic!("accels is a command");
+        };
+        assert_eq!(args.batch, crate::scene::RenderSettings::default().wave);
+        assert!(args.rays.is_empty() && args.structures.is_empty());
     }
 
     #[test]

@@ -5,6 +5,8 @@
 #[cfg(feature = "embree")]
 pub mod embree;
 mod obvhs;
+#[cfg(test)]
+mod tests;
 
 pub use self::obvhs::{ObvhsBvh2, ObvhsCwBvh};
 

@@ -146,12 +146,12 @@ impl<T: Tree> Ordered<T> {
     }
 
     fn occluded(&self, rays: ShadowBatch<'_>, occluded: &mut [u32]) {
-        for at in 0..rays.rays.len {
+        for (at, occluded) in occluded[..rays.rays.len].iter_mut().enumerate() {
             let free = ray(&rays.rays, at, rays.t_max[at]).is_none_or(|ray| {
                 self.tree
                     .free(ray, |ray, place| self.triangles[place].intersect(ray))
             });
-            occluded[at] = u32::from(!free);
+            *occluded = u32::from(!free);
         }
     }
 }

@@ -389,3 +389,29 @@ fn pays_after(first: (f64, f64), second: (f64, f64)) -> Option<f64> {
     let (build, per_ray) = (second.0 - first.0, first.1 - second.1);
     (build > 0.0 && per_ray > 0.0).then(|| build / per_ray)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spread_is_of_the_sorted_values() {
+        let of = |values: &[f64]| Spread::of(values.iter().copied());
+        let spread = |least, median, most| Spread {
+            least,
+            median,
+            most,
+        };
+        assert_eq!(of(&[3.0]), spread(3.0, 3.0, 3.0));
+        assert_eq!(of(&[3.0, 1.0, 2.0]), spread(1.0, 2.0, 3.0));
+        assert_eq!(of(&[4.0, 1.0, 3.0, 2.0]), spread(1.0, 2.5, 4.0));
+    }
+
+    #[test]
+    fn a_slower_build_pays_when_its_rays_have_won_the_time_back() {
+        // One second more, and a hundredth of a second less per ray.
+        assert_eq!(pays_after((1.0, 0.02), (2.0, 0.01)), Some(100.0));
+        assert_eq!(pays_after((1.0, 0.01), (2.0, 0.02)), None);
+        assert_eq!(pays_after((1.0, 0.02), (1.0, 0.02)), None);
+    }
+}

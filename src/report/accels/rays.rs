@@ -240,15 +240,11 @@ impl RaySet {
 /// Sets of up to `count` rays of each of these kinds, always the same for the same scene and seed.
 /// Where few camera rays hit anything, sets are smaller, and may be empty.
 pub fn ray_sets(scene: &CompiledScene, wanted: &[RayKind], count: usize, seed: u64) -> Vec<RaySet> {
-    let mut maker = Maker {
-        scene,
-        seed,
-        drawn: 0,
-    };
+    let maker = Maker { scene, seed };
     let mut sets: Vec<RaySet> = wanted.iter().map(|&kind| RaySet::new(kind)).collect();
     let tiles = Tiles::new(scene.width, scene.height);
     let pixels = scene.width as usize * scene.height as usize;
-    let (mut first_sample, mut block, mut tried, mut tile_number) = (0, 0, 0, 0usize);
+    let (mut first_sample, mut block, mut tried) = (0, 0, 0);
     loop {
         let missing = sets.iter().map(|set| count - set.len).max().unwrap_or(0);
         if missing == 0 || tried >= MOST_TRIES * count as u64 {
@@ -263,13 +259,14 @@ pub fn ray_sets(scene: &CompiledScene, wanted: &[RayKind], count: usize, seed: u
             let tile = i * tiles.count() / visited;
             let item = tiles.item(tile, block, (first_sample, samples));
             tried += u64::from(item.paths());
-            let made = maker.chain(&item, tile_number, wanted);
+            // Every other tile, so that all parts of the image have both kinds of shadow rays.
+            let from_camera = (tile as u64 + block).is_multiple_of(2);
+            let made = maker.chain(&item, from_camera, wanted);
             for set in &mut sets {
                 if let Some(rays) = made.iter().find(|rays| rays.kind == set.kind) {
                     set.append(rays, count);
                 }
             }
-            tile_number += 1;
         }
         first_sample += u64::from(samples);
         block += 1;
@@ -286,8 +283,6 @@ pub fn ray_sets(scene: &CompiledScene, wanted: &[RayKind], count: usize, seed: u
 struct Maker<'a> {
     scene: &'a CompiledScene,
     seed: u64,
-    /// Vectors of lanes that have drawn random numbers so far.
-    drawn: u32,
 }
 
 /// Rays with their hits.
@@ -307,25 +302,29 @@ struct Hits {
 }
 
 impl Maker<'_> {
-    /// Camera rays of the item and what follows from them, as far as it is wanted.
-    fn chain(&mut self, item: &WorkItem, tile_number: usize, wanted: &[RayKind]) -> Vec<RaySet> {
+    /// Camera rays of the item and what follows from them, as far as it is wanted. Shadow rays leave
+    /// either the hits of camera rays or those of their bounces.
+    fn chain(&self, item: &WorkItem, from_camera: bool, wanted: &[RayKind]) -> Vec<RaySet> {
         let wants = |kind| wanted.contains(&kind);
         let camera = self.camera(item);
         if wanted == [RayKind::Primary] {
             return vec![camera];
         }
         let camera = self.trace(camera);
-        let bounces = self.bounce(&camera, RayKind::Diffuse);
-        // Every other tile, so that neither half of the image has only one kind of shadow rays.
-        let from_camera = tile_number.is_multiple_of(2);
-        if !wants(RayKind::Diffuse2) && !(wants(RayKind::Shadow) && !from_camera) {
-            let shadows = self.shadows(&camera);
-            return vec![camera.rays, bounces, shadows];
+        let bounces = self.bounce(item, &camera, RayKind::Diffuse);
+        let mut made = Vec::new();
+        if wants(RayKind::Shadow) && from_camera {
+            made.push(self.shadows(item, &camera));
         }
-        let bounces = self.trace(bounces);
-        let bounces2 = self.bounce(&bounces, RayKind::Diffuse2);
-        let shadows = self.shadows(if from_camera { &camera } else { &bounces });
-        vec![camera.rays, bounces.rays, bounces2, shadows]
+        if wants(RayKind::Diffuse2) || (wants(RayKind::Shadow) && !from_camera) {
+            let bounces = self.trace(bounces.clone());
+            if wants(RayKind::Shadow) && !from_camera {
+                made.push(self.shadows(item, &bounces));
+            }
+            made.push(self.bounce(item, &bounces, RayKind::Diffuse2));
+        }
+        made.extend([camera.rays, bounces]);
+        made
     }
 
     /// The rays that the generate stage makes of the item, with independent samples.
@@ -390,25 +389,26 @@ impl Maker<'_> {
         }
     }
 
-    /// The next generators, which no other rays have.
-    fn random(&mut self) -> Pcg32s {
-        /// First of the samples that no camera ray has.
+    /// The generators of the rays of this kind that leave the item's hits from `at` on.
+    fn random(&self, item: &WorkItem, kind: RayKind, at: usize) -> Pcg32s {
+        /// First of the sample numbers that no camera ray has.
         const BEYOND_ALL_SAMPLES: u64 = 1 << 63;
-        let vector = u64::from(self.drawn);
-        self.drawn += 1;
+        /// An item has fewer rays than this.
+        const MOST_RAYS: u64 = 1 << 16;
+        let run = item.first_sample * RayKind::ALL.len() as u64 + kind as u64;
         Pcg32s::for_paths(
             self.seed,
+            U32s::splat(item.image_index(0) as u32),
+            BEYOND_ALL_SAMPLES + run * MOST_RAYS + at as u64,
             iota(),
-            BEYOND_ALL_SAMPLES + vector,
-            U32s::splat(0),
         )
     }
 
     /// Bounces from the hits, in their order, on the side that the rays came from.
-    fn bounce(&mut self, traced: &Traced, kind: RayKind) -> RaySet {
+    fn bounce(&self, item: &WorkItem, traced: &Traced, kind: RayKind) -> RaySet {
         let mut rays = RaySet::new(kind);
         for at in (0..traced.rays.len).step_by(LANES) {
-            let mut random = self.random();
+            let mut random = self.random(item, kind, at);
             let hits = self.hits(traced, at);
             let local = cosine_hemisphere(random.next_f32(), random.next_f32());
             let direction = Frame::from_normal(hits.normal).to_world(local).normalize();
@@ -420,11 +420,11 @@ impl Maker<'_> {
 
     /// Shadow rays from the hits to points on the lights, ending as far before them as renders let
     /// them end. Without lights they go in directions of a bounce, and have no end.
-    fn shadows(&mut self, traced: &Traced) -> RaySet {
+    fn shadows(&self, item: &WorkItem, traced: &Traced) -> RaySet {
         let scene = self.scene;
         let mut rays = RaySet::new(RayKind::Shadow);
         for at in (0..traced.rays.len).step_by(LANES) {
-            let mut random = self.random();
+            let mut random = self.random(item, RayKind::Shadow, at);
             let u = [random.next_f32(), random.next_f32(), random.next_f32()];
             let hits = self.hits(traced, at);
             let (direction, t_max, valid) = if scene.lights.kinds() == 0 {
@@ -537,7 +537,7 @@ mod tests {
     }
 
     #[test]
-    fn sets_depend_on_the_seed_alone() {
+    fn sets_depend_on_the_seed_and_not_on_one_another() {
         let scene = scene(true);
         let make = |wanted: &[RayKind], seed| ray_sets(&scene, wanted, 3000, seed);
         let (a, b, c) = (
@@ -549,8 +549,10 @@ mod tests {
             assert_eq!(all(&a[i]), all(&b[i]));
             assert_ne!(all(&a[i]), all(&c[i]));
         }
-        let alone = make(&[RayKind::Primary], 1);
-        assert_eq!(all(&alone[0]), all(&a[0]));
+        for (i, kind) in RayKind::ALL.into_iter().enumerate() {
+            // In a closed room no set has to wait for another.
+            assert_eq!(all(&make(&[kind], 1)[0]), all(&a[i]));
+        }
     }
 
     #[test]

@@ -136,7 +136,13 @@ mod tests {
             ..Geometry::default()
         };
         let rays: Vec<_> = (0..1000)
-            .map(|_| (rng.sphere().map(|x| 5.0 * x), rng.sphere(), f32::INFINITY))
+            .map(|_| {
+                // Towards points about the middle.
+                let (origin, target) = (rng.sphere().map(|x| 5.0 * x), rng.sphere());
+                let way = [0, 1, 2].map(|k| 3.0 * target[k] - origin[k]);
+                let length = way.iter().map(|x| x * x).sum::<f32>().sqrt();
+                (origin, way.map(|x| x / length), f32::INFINITY)
+            })
             .collect();
         let rays = RaySet::of(RayKind::Diffuse, &rays);
         let none = vec![PrimitiveId::NONE; padded(rays.len())];

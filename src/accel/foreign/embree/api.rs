@@ -129,7 +129,6 @@ macro_rules! functions {
     ($($field:ident = $symbol:literal: $kind:ty;)*) => {
         /// The functions of a loaded library.
         #[derive(Debug)]
-        #[expect(clippy::type_complexity, reason = "the C signatures, as the headers have them")]
         pub(super) struct Api {
             $(pub(super) $field: $kind,)*
         }
