@@ -46,9 +46,9 @@ const MIN_SHARE: f64 = 1.0 / 64.0;
 /// quad rounded to f32 lie within √3 of one each.
 const FLATNESS: f64 = 8.0 * UNIT_ROUNDOFF as f64;
 
-/// Most triangles that are merged: neighbours are sought among all of a group, in quadratic time (38 s for
-/// 86 thousand of one group), and scenes that a scan suits have far fewer.
-const MOST_MERGED: usize = 4096;
+/// Most triangles that are merged, and most polygons among which a shell is sought. Both take quadratic time
+/// (38 s to merge 86 thousand triangles of one group), and scenes that a scan suits have far fewer.
+pub(super) const MOST_FACES: usize = 4096;
 
 /// Welds, merges and measures.
 pub(super) fn polygons(geometry: &Geometry) -> Polygons {
@@ -62,7 +62,7 @@ pub(super) fn polygons(geometry: &Geometry) -> Polygons {
     let mut owner: Vec<u32> = (0..faces.len() as u32).collect();
     let mut polygons: Vec<Polygon> = Vec::new();
     let mut neighbours: HashMap<u32, Vec<u32>> = HashMap::new();
-    let merged = if faces.len() <= MOST_MERGED {
+    let merged = if faces.len() <= MOST_FACES {
         geometry.groups.as_slice()
     } else {
         &[]

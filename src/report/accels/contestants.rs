@@ -50,6 +50,11 @@ impl Contestant {
         matches!(self, Self::Own(_))
     }
 
+    /// Whether it tests every primitive for every ray, and so has time for few rays of a large scene.
+    pub fn is_scan(self) -> bool {
+        self == Self::Own(Structure::Linear)
+    }
+
     /// The contestants of these names, each once; `embree` stands for all of Embree's. Everyone, if
     /// there are no names.
     ///

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use self::differences::Reference;
 use self::scan::Scan;
 use super::{Build, Machine, SceneReport};
-use crate::accel::{AccelCounters, Structure};
+use crate::accel::AccelCounters;
 use crate::compile::CompiledScene;
 use crate::error::{Error, Result};
 use crate::scene::SceneDescription;
@@ -31,7 +31,8 @@ pub const FORMAT: u32 = 1;
 /// Where a set has more rays than that allows, a sample of it is compared.
 pub const SCAN_TESTS: usize = 2_000_000_000;
 
-/// Ray–primitive tests in a round of [`Structure::Linear`], at up to 10 ns each; as above.
+/// Ray–primitive tests in a round and in the comparison of [`crate::accel::Structure::Linear`], at up to
+/// 10 ns each; as above.
 pub const LINEAR_TESTS: usize = 200_000_000;
 
 /// What is compared, and how.
@@ -230,22 +231,12 @@ pub fn compare(input: AccelsInput<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Resul
     }
 
     memory::keep_no_freed_memory();
-    let mut built = Vec::new();
-    let mut builder = Builder::new(&geometry, &pool);
-    for &contestant in contestants {
-        tell(Event::Progress(&format!("building {}", contestant.name())));
-        match builder.build(contestant) {
-            Ok(contestant) => built.push(contestant),
-            Err(error) => {
-                notes.push(format!("{} is left out: {error}", contestant.name()));
-                tell(Event::Note(&notes[notes.len() - 1]));
-            }
-        }
-    }
-    drop(builder);
-    if built.is_empty() {
-        return Err(Error::usage("none of the structures can take part"));
-    }
+    let built = build_all(
+        contestants,
+        &mut Builder::new(&geometry, &pool),
+        &mut notes,
+        tell,
+    )?;
 
     let mut structures: Vec<StructureReport> = built
         .iter()
@@ -262,20 +253,27 @@ pub fn compare(input: AccelsInput<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Resul
             "{}: comparing answers",
             set.kind().name()
         )));
-        let rays = set.sample((SCAN_TESTS / geometry.len().max(1)).max(1));
-        let reference = Reference {
-            hits: pool.install(|| scan.nearest(&rays)),
-            rays,
+        let reference = |tests: usize| {
+            let rays = set.sample((tests / geometry.len().max(1)).max(1));
+            Reference {
+                hits: pool.install(|| scan.nearest(&rays)),
+                rays,
+            }
         };
+        let (many, few) = (reference(SCAN_TESTS), reference(LINEAR_TESTS));
         let differences: Vec<Differences> = built
             .iter()
             .map(|built| {
+                let reference = if built.contestant.is_scan() {
+                    &few
+                } else {
+                    &many
+                };
                 let answers = answers(&pool, &*built.accel, &reference.rays, settings.batch);
                 reference.compare(&geometry, &answers)
             })
             .collect();
-        let few = set.sample((LINEAR_TESTS / geometry.len().max(1)).max(1));
-        let timings = time(&pool, &built, set, &few, settings, tell);
+        let timings = time(&pool, &built, set, &few.rays, settings, tell);
         let figures = figures(set.kind(), &built, timings, &differences);
         for (structure, figures) in structures.iter_mut().zip(figures) {
             structure.kinds.push(figures);
@@ -294,6 +292,32 @@ pub fn compare(input: AccelsInput<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Resul
     })
 }
 
+/// Builds who can take part, and notes who cannot.
+fn build_all(
+    contestants: &[Contestant],
+    builder: &mut Builder<'_>,
+    notes: &mut Vec<String>,
+    tell: &mut dyn FnMut(Event<'_>),
+) -> Result<Vec<Built>> {
+    memory::keep_no_freed_memory();
+    let mut built = Vec::new();
+    for &contestant in contestants {
+        tell(Event::Progress(&format!("building {}", contestant.name())));
+        match builder.build(contestant) {
+            Ok(contestant) => built.push(contestant),
+            Err(error) => {
+                let note = format!("{} is left out: {error}", contestant.name());
+                tell(Event::Note(&note));
+                notes.push(note);
+            }
+        }
+    }
+    if built.is_empty() {
+        return Err(Error::usage("none of the structures can take part"));
+    }
+    Ok(built)
+}
+
 /// Rounds of a structure, its work, and how many rays a round has.
 struct Timing {
     rounds: Vec<Round>,
@@ -301,7 +325,7 @@ struct Timing {
     rays: usize,
 }
 
-/// Runs all structures once, then in rounds, one after the other in each. [`Structure::Linear`]
+/// Runs all structures once, then in rounds, one after the other in each. A scan over all primitives
 /// answers only the `few` rays that it has time for.
 fn time(
     pool: &ThreadPool,
@@ -311,10 +335,7 @@ fn time(
     settings: &AccelsSettings,
     tell: &mut dyn FnMut(Event<'_>),
 ) -> Vec<Timing> {
-    let rays = |built: &Built| match built.contestant {
-        Contestant::Own(Structure::Linear) => few,
-        _ => set,
-    };
+    let rays = |built: &Built| if built.contestant.is_scan() { few } else { set };
     let run_one = |built: &Built| run(pool, &*built.accel, rays(built), settings.batch);
     let mut timings: Vec<Timing> = built
         .iter()
