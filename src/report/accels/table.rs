@@ -90,7 +90,7 @@ fn kind_table(
     let width = name_width(rows.iter().map(|(structure, _)| *structure));
     writeln!(
         f,
-        "\n{:<width$}{:>10}{:>13}{:>18}{:>8}{:>8}{:>8}{:>12}{:>8}{:>8}  of",
+        "\n{:<width$}{:>10}{:>13}{:>18}{:>8}{:>8}{:>11}{:>12}{:>8}{:>8}  of",
         first.kind.name(),
         "rays",
         "Mrays/CPU s",
@@ -106,11 +106,11 @@ fn kind_table(
         let rate = &figures.mrays_per_cpu_second;
         writeln!(
             f,
-            "{:<width$}{:>10}{:>13.3}{:>18}{:>8.3}{:>8}{:>8}{:>12}{:>8}{:>8}  {}",
+            "{:<width$}{:>10}{:>13}{:>18}{:>8.3}{:>8}{:>11}{:>12}{:>8}{:>8}  {}",
             structure.name,
             figures.rays,
-            rate.median,
-            format!("{:.3}..{:.3}", rate.least, rate.most),
+            rate_text(rate.median),
+            format!("{}..{}", rate_text(rate.least), rate_text(rate.most)),
             figures.ratio_to_best,
             optional(figures.nodes_per_ray, 1),
             optional(figures.tests_per_ray, 1),
@@ -121,6 +121,15 @@ fn kind_table(
         )?;
     }
     Ok(())
+}
+
+/// With three decimals, or as a power of ten where those would be zero.
+fn rate_text(rate: f64) -> String {
+    if rate >= 0.01 {
+        format!("{rate:.3}")
+    } else {
+        format!("{rate:.1e}")
+    }
 }
 
 fn optional(value: Option<f64>, digits: usize) -> String {
