@@ -11,6 +11,7 @@ mod bvh8;
     )
 )]
 mod collapse;
+pub mod foreign;
 mod leaf;
 mod linear;
 mod morton;
@@ -46,6 +47,21 @@ pub enum Structure {
     Bvh2,
     /// [`Bvh8`].
     Bvh8,
+}
+
+impl Structure {
+    /// Every structure.
+    pub const ALL: [Self; 4] = [Self::Linear, Self::Octree, Self::Bvh2, Self::Bvh8];
+
+    /// Name as on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Octree => "octree",
+            Self::Bvh2 => "bvh2",
+            Self::Bvh8 => "bvh8",
+        }
+    }
 }
 
 /// Up to this many primitives the linear scan is the faster one. Measured with 16 lanes, incoherent rays:
