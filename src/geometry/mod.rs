@@ -1,13 +1,15 @@
 //! Triangles and spheres: tables of primitives, the tests of rays against them, and points on them.
 
 pub mod hit;
+pub mod normal;
 pub mod slab;
 pub mod sphere;
 #[cfg(test)]
 pub(crate) mod testing;
 pub mod triangle;
 
-pub use hit::{SurfacePoint, spawn_origin, sphere_point, triangle_point};
+pub use hit::{SurfacePoint, spawn_origin, sphere_point, triangle_hit, triangle_point};
+pub use normal::{facing_normal, interpolated_normal};
 
 /// Index of a primitive: triangles first, then spheres.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

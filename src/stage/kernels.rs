@@ -7,7 +7,7 @@ use super::{
     shade_emission::shade_emission, shade_escaped::shade_escaped, sort::sort,
 };
 use crate::compile::{CompiledScene, Features, WorkItem};
-use crate::material::{Dielectric, Lambertian, MaterialKind, Mirror, OrenNayar, Phong};
+use crate::material::{Dielectric, Glossy, Lambertian, MaterialKind, Mirror, OrenNayar, Phong};
 use crate::wave::{MATERIAL_KINDS, Wave, material_feature};
 
 type Stage = fn(&CompiledScene, &mut Wave);
@@ -49,6 +49,9 @@ const IN_CODE: Features = Features::TRIANGLES
     .with(Features::BACKGROUND)
     .with(Features::MANY_LIGHTS)
     .with(Features::DIELECTRIC)
+    .with(Features::MESH_NORMALS)
+    .with(Features::TEXTURES)
+    .with(Features::OPACITY)
     .with(Features::SHADOW_RAYS)
     .with(Features::MIS)
     .with(Features::STRATIFIED)
@@ -104,6 +107,7 @@ impl Kernels {
                     MaterialKind::Mirror => shade::<Mirror, F>,
                     MaterialKind::Dielectric => shade::<Dielectric, F>,
                     MaterialKind::Phong => shade::<Phong, F>,
+                    MaterialKind::Glossy => shade::<Glossy, F>,
                 };
                 features.contains(material_feature(kind)).then_some(stage)
             }),
