@@ -134,12 +134,12 @@ mod tests {
             });
             let face = column(&faces);
             let bent = facing_normal(face, face, column(&rays));
-            for i in 0..LANES {
+            for (i, face) in faces.iter().enumerate() {
                 // Below 1e-6 rounding may bend it by as much as that.
-                let close = (0..3).all(|k| (lane(bent, i)[k] - faces[i][k]).abs() < 1e-6);
+                let close = (0..3).all(|k| (lane(bent, i)[k] - face[k]).abs() < 1e-6);
                 assert!(close || exponent > 18, "2^-{exponent}");
                 if exponent <= 18 {
-                    assert_eq!(lane(bent, i), faces[i], "2^-{exponent}");
+                    assert_eq!(lane(bent, i), *face, "2^-{exponent}");
                 }
             }
         }

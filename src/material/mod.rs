@@ -68,6 +68,13 @@ pub trait Material {
     /// lobe, the third for the choice of the lobe.
     fn sample(params: &Self::Params, wo: Vec3s, u: [F32s; 3]) -> BsdfSample;
 
+    /// n_t/n_i for light that goes straight through the boundary, as if it met no surface: it must not
+    /// come out of a body brighter than it went in.
+    #[inline(always)]
+    fn straight_eta(_params: &Self::Params, _wo: Vec3s) -> F32s {
+        F32s::splat(1.0)
+    }
+
     /// Both directions that light goes on in, for materials that split it in two.
     #[inline(always)]
     fn split(_params: &Self::Params, _wo: Vec3s) -> Option<[BsdfSample; 2]> {

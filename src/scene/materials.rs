@@ -37,7 +37,7 @@ pub(super) fn read(entry: &Entry) -> Result<MaterialDescription> {
     let what = format!("a material of type `{tag}`");
     let fields = node.fields(&what, &keys)?;
 
-    let reflectance = || values::albedo(fields.required("reflectance")?);
+    let reflectance = || values::albedo(fields.required("reflectance")?, "reflectance");
     let bsdf = match tag {
         "lambertian" => BsdfDescription::Lambertian {
             reflectance: reflectance()?,
@@ -50,7 +50,7 @@ pub(super) fn read(entry: &Entry) -> Result<MaterialDescription> {
         },
         "mirror" => BsdfDescription::Mirror {
             reflectance: match fields.optional("reflectance") {
-                Some(node) => values::albedo(node)?,
+                Some(node) => values::albedo(node, "reflectance")?,
                 None => DVec3::ONE,
             },
         },
@@ -79,9 +79,9 @@ fn read_exponent(fields: &Fields<'_>) -> Result<f64> {
 }
 
 fn read_glossy(fields: &Fields<'_>) -> Result<BsdfDescription> {
-    let diffuse = values::albedo(fields.required("diffuse")?)?;
+    let diffuse = values::albedo(fields.required("diffuse")?, "diffuse")?;
     let node = fields.required("specular")?;
-    let specular = values::albedo(node)?;
+    let specular = values::albedo(node, "specular")?;
     // 0.7 + 0.3 may round to a little more than 1.
     let most = (diffuse + specular).max_element();
     if most > 1.0 + f64::EPSILON {

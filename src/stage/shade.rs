@@ -40,6 +40,8 @@ struct Hits {
     opacity: F32s,
     /// Where the path goes straight on, as if there were no surface.
     passes: Mask,
+    /// n_t/n_i of what goes straight on.
+    straight_eta: F32s,
     throughput: Vec3s,
     path: U32s,
     state: U32s,
@@ -111,13 +113,14 @@ pub(super) fn shade<M: Material, const F: u32>(
         for at in (0..wave.by_material[M::KIND as usize].len).step_by(LANES) {
             let mut hits = Hits::fetch::<M, F>(scene, wave, at);
             let strata = strata::<F>(scene, item, &hits);
-            if scene.on::<F>(Features::OPACITY) {
-                hits.let_through::<F>(scene, strata);
-            }
             let mut params = M::fetch(&scene.materials, hits.material);
             if scene.on::<F>(Features::TEXTURES) {
                 let by = reflectance_factor(scene, hits.primitive, hits.material, &hits.surface);
                 M::tint(&mut params, by);
+            }
+            if scene.on::<F>(Features::OPACITY) {
+                hits.let_through::<F>(scene, strata);
+                hits.straight_eta = M::straight_eta(&params, hits.wo);
             }
             if !M::SPECULAR && scene.on::<F>(Features::SHADOW_RAYS) {
                 sample_light::<M, F>(scene, &hits, strata, &params, wave);
@@ -201,6 +204,7 @@ impl Hits {
             frame,
             opacity: F32s::splat(1.0),
             passes: Mask::NONE,
+            straight_eta: F32s::splat(1.0),
             throughput: gather_throughput(rays, ray),
             path: gather_u32(&rays.path, ray),
             state: gather_u32(&rays.state, ray),
@@ -437,16 +441,17 @@ fn continue_path<M: Material, const F: u32>(
     let (mut pdf, mut eta) = (sample.pdf, sample.eta);
     let mut origin = hits.start::<M>(direction);
     if scene.on::<F>(Features::OPACITY) {
-        // A delta transmission without a change: light behind is not sampled from here, and shadow
+        // A delta transmission without a bend: light behind is not sampled from here, and shadow
         // rays from before do not reach it.
         let passes = onward.passes;
         direction = Vec3s::select(passes, hits.direction, direction);
         let beyond = spawn_origin(&hits.surface.point, hits.normal, hits.direction);
         origin = Vec3s::select(passes, beyond, origin);
-        throughput = Vec3s::select(passes, hits.throughput, throughput);
+        let straight = hits.throughput * (one / (hits.straight_eta * hits.straight_eta));
+        throughput = Vec3s::select(passes, straight, throughput);
         history = passes.select_u32(U32s::splat(state::SPECULAR), history);
         pdf = passes.select(zero, pdf);
-        eta = passes.select(one, eta);
+        eta = passes.select(hits.straight_eta, eta);
     }
     next.set_ray(at, origin, direction, hits.primitive);
     next.set_throughput(at, throughput);
