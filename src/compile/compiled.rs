@@ -470,7 +470,8 @@ impl<'a> Tables<'a> {
         entries
     }
 
-    /// Adds what the corners of the last triangle have: `face` is its mesh and its number there.
+    /// Adds what the corners of the newest primitive have: `face` is its mesh and its number there,
+    /// where it is the face of a mesh.
     fn add_attributes(
         &mut self,
         primitive: u32,
@@ -529,6 +530,7 @@ impl<'a> Tables<'a> {
             radius: radius as f32,
         };
         let primitive = self.geometry.len() as u32;
+        self.add_attributes(primitive, material, None);
         extend(&mut self.surfaces.center, sphere.center);
         self.surfaces.radius.push(sphere.radius);
         self.geometry.spheres.push(sphere);

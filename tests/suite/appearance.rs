@@ -82,7 +82,7 @@ fn a_hollow_body_lets_light_straight_on_twice(by: Renderer) {
         let soot = scene.matter(BsdfDescription::Black);
         scene.thin(soot, opacity);
         if is_mesh {
-            scene.skew_cube(1.0, DVec3::splat(-0.4), soot);
+            scene.attributed_mesh(ball(DVec3::ZERO, 1.0, |_, n| n), soot);
         } else {
             scene.sphere([0.1, 0.0, 0.0], 1.0, soot);
         }
@@ -134,17 +134,10 @@ fn a_white_plate_of_any_opacity_vanishes_in_a_furnace(by: Renderer) {
             }
             scene.sphere([0.5, -0.5, 1.6], 0.8, plate);
             scene.background(0.0);
-            let settings = RenderSettings {
-                roulette_depth: 20,
-                ..endless(Strategy::Mis)
-            };
             for strategy in STRATEGIES {
-                let settings = RenderSettings {
-                    strategy,
-                    ..settings.clone()
-                };
-                by.measure(&scene.build(), &settings, 4000)
-                    .assert_is(oracles::furnace(0.5, 200));
+                // Of 80 segments enough are at walls.
+                by.measure(&scene.build(), &path(strategy, 80), 4000)
+                    .assert_is_within(oracles::furnace(0.5, 79), 1e-6);
             }
         }
     }
@@ -211,17 +204,14 @@ fn faces_without_coordinates_show_no_texture(by: Renderer) {
     scene.attributed_mesh(mesh, floor);
     scene.sphere([0.0, 0.0, -3.0], 0.5, floor);
     scene.background(1.0);
-    for (at, expected) in [
-        ([0.5, -0.5, 0.0], 0.8),
-        ([-0.5, 0.5, 0.0], 0.0),
-        ([5.0, 0.0, -3.0], 0.8),
+    for (eye, at, expected) in [
+        ([0.5, -0.5, 2.0], [0.5, -0.5, 0.0], 0.8),
+        ([-0.5, 0.5, 2.0], [-0.5, 0.5, 0.0], 0.0),
+        // The sphere from below, where it does not see the floor.
+        ([0.5, 0.0, -8.0], [0.0, 0.0, -3.0], 0.8),
     ] {
         let mut scene = scene.clone();
-        // The last one sees the sphere from the side.
-        scene.aim(
-            [at[0], at[1], 2.0 + at[2]],
-            if at[0] > 1.0 { [0.0, 0.0, -3.0] } else { at },
-        );
+        scene.aim(eye, at);
         by.measure(&scene.build(), &path(Strategy::Bsdf, 2), 400)
             .assert_is_exactly(expected);
     }
@@ -249,14 +239,13 @@ fn glossy_albedos_match_their_closed_forms(by: Renderer) {
 }
 
 fn a_point_light_sees_the_shading_normal(by: Renderer) {
-    let normal = DVec3::new(0.6, 0.0, 0.8);
-    for scale in [1.0, -1.0, 1e-20, 1e20] {
+    // Of numbers that f32 has, so that both renderers see the same normal.
+    let exact = DVec3::new(0.75, 0.0, 1.0);
+    let normal = exact.normalize();
+    for scale in [1.0, -1.0, f64::powi(2.0, -100), f64::powi(2.0, 100)] {
         let mut scene = SceneBuilder::new();
         let floor = scene.matter(lambertian(0.5));
-        scene.attributed_mesh(
-            sheet(1.0, 0.0, (normal * scale).as_vec3().to_array()),
-            floor,
-        );
+        scene.attributed_mesh(sheet(1.0, 0.0, (exact * scale).as_vec3().to_array()), floor);
         scene.aim([0.3, 0.0, 2.0], [0.0; 3]);
         for light in [
             DVec3::new(1.0, 0.5, 2.0),
@@ -409,10 +398,10 @@ fn a_shell_with_any_normals_reflects_at_most_its_albedo(by: Renderer) {
 
 fn smooth_glass_gains_no_energy(by: Renderer) {
     for (name, spoil) in SPOILERS {
-        let mut scene = glowing_room(lambertian(0.0), 3.0, DVec3::ZERO, true);
+        let mut scene = SceneBuilder::new();
         let clear = scene.matter(glass(1.5));
         scene.attributed_mesh(ball(DVec3::splat(0.5), 1.0, spoil), clear);
-        scene.background(0.0);
+        scene.background(1.0);
         scene.aim([-1.5, -1.0, -1.0], [0.5, 0.4, 0.5]);
         let measured = by.measure(&scene.build(), &path(Strategy::Mis, 50), 2000);
         let most = 1.0 + by.rounding() + 4.0 * measured.error;

@@ -373,6 +373,12 @@ pub(crate) fn adorned_room() -> SceneBuilder {
     scene.cut_out(net, holes);
     scene.paint(net, tiles);
     scene.attributed_mesh(sheet(1.2, 2.3, [0.0; 3]), net);
+    let lamp = scene.one_sided(lambertian(0.2), 4.0);
+    scene.ceiling(0.7, 2.9, lamp);
+    // Primitives after the last triangle must not take its attributes for theirs.
+    let tile = scene.matter(lambertian(0.5));
+    scene.paint(tile, tiles);
+    scene.attributed_mesh(sheet(0.3, 2.6, [0.3, 0.2, -1.0]), tile);
     let bubble = scene.matter(glass(1.3));
     scene.thin(bubble, 0.5);
     scene.sphere([-0.8, 1.2, 0.6], 0.4, bubble);
@@ -380,8 +386,6 @@ pub(crate) fn adorned_room() -> SceneBuilder {
     scene.thin(soot, 0.7);
     scene.sphere([-0.5, -1.5, 0.5], 0.3, soot);
 
-    let lamp = scene.one_sided(lambertian(0.2), 4.0);
-    scene.ceiling(0.7, 2.9, lamp);
     let bulb = scene.two_sided(BsdfDescription::Black, 3.0);
     scene.thin(bulb, 0.5);
     scene.sphere([0.3, 1.7, 2.0], 0.2, bulb);
