@@ -263,15 +263,21 @@ fn glossy_samples_follow_the_density_of_both_parts() {
                 let what = format!("glossy {diffuse} + {specular}, n = {exponent}, {angle}°");
                 let p = glossy(diffuse, specular, exponent);
                 let wo = outgoing(angle);
-                let s = sample_many::<Glossy>(&p, wo, &hemisphere(), exponent, &what);
+                // Its samples are evaluated as any direction is: rounding of wi changes nothing.
+                let s = sample_many::<Glossy>(&p, wo, &hemisphere(), 0.0, &what);
                 assert!(s.integral < 1.0 + 1e-4, "{what}: {}", s.integral);
-                // What is missing is the part of the lobe below the surface.
+                // What is missing is the part of the lobe below the surface. For n = 0 that is a lune
+                // of known size, on whose edge the density jumps, which quadrature sees to a bin.
+                let (above, tolerance) = if exponent == 0.0 {
+                    (1.0 - angle / 180.0, 1e-3)
+                } else {
+                    let pdf = |wi| Phong::eval(&phong(exponent), splat(wo), wi).1;
+                    (hemisphere().total(&pdf), 2e-4)
+                };
                 let share = f64::from(specular / (diffuse + specular));
-                let phong =
-                    hemisphere().total(&|wi| Phong::eval(&phong(exponent), splat(wo), wi).1);
-                let expected = 1.0 - share + share * phong;
+                let expected = 1.0 - share + share * above;
                 assert!(
-                    (s.integral - expected).abs() < 2e-4,
+                    (s.integral - expected).abs() < tolerance,
                     "{what}: {}",
                     s.integral
                 );
@@ -313,11 +319,12 @@ fn glossy_is_the_sum_of_its_parts_and_reflects_their_albedos() {
                         assert!(weight(&s) <= 2.0 * f64::from(diffuse + specular) + 1e-5);
                         let parts = f64::from(diffuse) * weight(&matte)
                             + f64::from(specular) * weight(&gloss);
-                        difference.add(weight(&s) - parts);
+                        // About 1, so that rounding is relative to all of the light.
+                        difference.add(1.0 + weight(&s) - parts);
                     }
                 }
                 let what = format!("glossy {diffuse} + {specular}, n = {exponent}, {angle}°");
-                difference.check(0.0, &what);
+                difference.check(1.0, &what);
             }
         }
     }
