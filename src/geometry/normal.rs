@@ -14,6 +14,10 @@ const CANCELLED: f32 = 1e-10;
 /// above rounding (about 1e-7), and too small a turn to be seen.
 const LEAST_COSINE: f32 = 1e-4;
 
+/// Least cosine between a bent normal and the ray: a few roundings of the scalar product, so that its
+/// sign is right.
+const SURELY_ABOVE: f32 = 1e-6;
+
 /// The unit normal at the barycentric coordinates `weights`, between the unit normals of the corners,
 /// each turned to the side of the unit normal `face`; where they cancel or are not finite, `face`.
 #[inline(always)]
@@ -52,7 +56,8 @@ pub fn facing_normal(normal: Vec3s, face: Vec3s, wo: Vec3s) -> Vec3s {
     let lifted = mirrored.add_scaled(face, least - cosine).normalize();
     let half = (lifted + wo).normalize();
     // Where the ray grazes the face and both directions cancel, rounding is all that is left of them.
-    let sound: Mask = half.dot(wo).gt(F32s::splat(0.0)) & half.dot(face).gt(F32s::splat(0.0));
+    let least = F32s::splat(SURELY_ABOVE);
+    let sound: Mask = half.dot(wo).gt(least) & half.dot(face).gt(least);
     let bent = Vec3s::select(sound, half, face);
     Vec3s::select(below, bent, normal)
 }
@@ -99,8 +104,13 @@ mod tests {
                 let (n, wo) = (lane(bent, i), rays[i]);
                 assert!((dot(n, n) - 1.0).abs() < 1e-5, "{n:?}");
                 let above = dot(n, wo);
-                assert!(above > 0.0, "{wo:?} is below {n:?}");
                 let own = dot(wo, faces[i]);
+                // Of a ray in the plane of the face itself rounding decides the side.
+                let resolved = own > f64::from(SURELY_ABOVE);
+                assert!(
+                    above > if resolved { 0.0 } else { -1e-6 },
+                    "{wo:?} is below {n:?}, {own} above the face"
+                );
                 let mirrored = 2.0 * above * dot(n, faces[i]) - own;
                 // Rounding of the half vector grows where both directions nearly cancel.
                 let rounding = 1e-6 / (above + 1e-3);
