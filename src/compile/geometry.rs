@@ -22,7 +22,18 @@ impl CompiledScene {
                 radius: surfaces.radius[i],
             })
             .collect();
-        // As `compile` decides: shadow rays to the background leave the scene.
+        // As `compile` decides, here and below: faces with attributes are not merged, each is a group.
+        let materials = scene.materials.len() as u32;
+        let groups = (0u32..)
+            .zip(&surfaces.material[..first_sphere])
+            .map(|(id, &material)| {
+                let primitive = id as usize;
+                let alone = surfaces.shading_normals.is_present(primitive)
+                    || surfaces.uvs.is_present(primitive);
+                if alone { materials + id } else { material }
+            })
+            .collect();
+        // Shadow rays to the background leave the scene.
         let segment_ends = (scene.background.max_element() <= 0.0).then(|| {
             let points = scene.point_lights.iter();
             points
@@ -32,7 +43,7 @@ impl CompiledScene {
         Geometry {
             triangles,
             spheres,
-            groups: surfaces.material[..first_sphere].to_vec(),
+            groups,
             segment_ends,
         }
     }

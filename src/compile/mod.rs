@@ -1,12 +1,16 @@
 //! From the scene as written to the scene as traced: what is needed is decided, flattened, built.
 
+mod attributes;
 mod camera;
 pub mod compiled;
 pub mod features;
 mod geometry;
+mod maps;
 mod work_item;
 
+pub use attributes::CornerAttributes;
 pub use camera::Camera;
-pub use compiled::{CompiledScene, PrimitiveClass, SurfaceTable, compile};
+pub use compiled::{Albedo, CompiledScene, PrimitiveClass, SurfaceTable, compile};
 pub use features::Features;
+pub use maps::MaterialMaps;
 pub use work_item::{TILE, WorkItem};

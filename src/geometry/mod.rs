@@ -1,6 +1,7 @@
 //! Triangles and spheres: tables of primitives, the tests of rays against them, and points on them.
 
 pub mod hit;
+pub mod normal;
 pub mod slab;
 pub mod sphere;
 #[cfg(test)]
@@ -9,7 +10,8 @@ pub mod triangle;
 
 use slab::Bounds;
 
-pub use hit::{SurfacePoint, spawn_origin, sphere_point, triangle_point};
+pub use hit::{SurfacePoint, spawn_origin, sphere_point, triangle_hit, triangle_point};
+pub use normal::{facing_normal, interpolated_normal};
 
 /// Index of a primitive: triangles first, then spheres.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -68,6 +68,7 @@
 //! | `mirror` | `reflectance` in [0, 1], default 1 |
 //! | `dielectric` | `ior`, inside over outside, in [0.001, 1000]; `fresnel`, `"exact"` (default) or `"schlick"` |
 //! | `phong` | `reflectance` of the lobe in [0, 1]; `exponent` in [0, 1e6] |
+//! | `glossy` | `diffuse` and `specular`, together at most 1 per channel; `exponent` of the specular lobe in [0, 1e6] |
 //! | `black`, `emitter` | reflects nothing; an `emitter` must have `emission` |
 //!
 //! Any material may have `emission`, a radiance ≥ 0, the same in every direction. It leaves the

@@ -4,9 +4,10 @@
 
 use wavepath::reference::{RayCounts, Reference};
 use wavepath::scene::{
-    Budget, IntegratorKind, RenderSettings, SamplerKind, SceneDescription, Strategy,
+    AccelKind, Budget, IntegratorKind, RenderSettings, SamplerKind, SceneDescription, Strategy,
 };
 
+use crate::builder::adorned_room;
 use crate::renderer::STRUCTURES;
 use crate::support::{estimate, load, picture, scene_files};
 use crate::ztest::{ImageEstimate, compare};
@@ -114,6 +115,44 @@ fn path_tracing_agrees_on_the_second_half_of_the_scenes() {
 #[test]
 fn whitted_agrees_on_every_scene() {
     check_scenes(0, 1, IntegratorKind::Whitted);
+}
+
+#[test]
+fn smooth_normals_textures_and_opacity_agree_in_every_method() {
+    let scene = adorned_room().build();
+    for (integrator, transparent_shadows) in [
+        (IntegratorKind::Path, false),
+        (IntegratorKind::Path, true),
+        (IntegratorKind::Whitted, false),
+        (IntegratorKind::Whitted, true),
+    ] {
+        let base = RenderSettings {
+            integrator,
+            transparent_shadows,
+            budget: Budget::Samples(SAMPLES),
+            max_depth: Some(8),
+            threads: 1,
+            ..RenderSettings::default()
+        };
+        let mut reference_of = [const { None }; 3];
+        for settings in combinations(&base) {
+            // All trees give the same bits.
+            if integrator == IntegratorKind::Whitted && settings.strategy != Strategy::Mis
+                || !matches!(settings.accel, AccelKind::Linear | AccelKind::Bvh8)
+            {
+                continue;
+            }
+            let slot = if transparent_shadows {
+                settings.strategy as usize
+            } else {
+                0
+            };
+            let expected =
+                reference_of[slot].get_or_insert_with(|| reference(&scene, 0, &settings));
+            let label = format!("{settings:?}");
+            check(&render(&scene, 0, &settings), expected, &label);
+        }
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The integration tests, as one binary.
 
 mod agreement;
+mod appearance;
 mod auxiliary;
 mod builder;
 mod cli;

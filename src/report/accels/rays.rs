@@ -14,7 +14,7 @@ use crate::math::warp::cosine_hemisphere;
 use crate::math::{Compare, Frame, Vec3s};
 use crate::sampler::Pcg32s;
 use crate::sampler::pcg::STREAM;
-use crate::stage::surface::surface;
+use crate::stage::surface::{Surface, surface};
 
 /// Most samples of a pixel in one work item, as renders have them.
 const MOST_SAMPLES: usize = 16;
@@ -373,7 +373,11 @@ impl Maker<'_> {
         let (origin, direction) = (vector(&traced.rays.origin), vector(&traced.rays.direction));
         let primitive = load_u32(&traced.primitive, at);
         let hit = !primitive.eq(U32s::splat(PrimitiveId::NONE));
-        let (point, outward) = surface::<{ Features::all().0 }>(
+        let Surface {
+            point,
+            normal: outward,
+            ..
+        } = surface::<{ Features::all().0 }>(
             self.scene,
             primitive,
             origin,

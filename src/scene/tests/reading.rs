@@ -92,6 +92,25 @@ fn infinite_sigma_is_allowed() {
 }
 
 #[test]
+fn glossy_surfaces_may_reflect_everything() {
+    let text = VALID
+        .replace("type = \"phong\"", "type = \"glossy\"")
+        .replace(
+            "reflectance = 0.5\nexp",
+            "diffuse = [0.7, 0, 0.2]\nspecular = 0.3\nexp",
+        );
+    let scene = parse(text, Path::new("x.toml"), &[]).unwrap();
+    assert_eq!(
+        scene.materials[3].bsdf,
+        BsdfDescription::Glossy {
+            diffuse: DVec3::new(0.7, 0.0, 0.2),
+            specular: DVec3::splat(0.3),
+            exponent: 10.0,
+        }
+    );
+}
+
+#[test]
 fn any_material_may_emit_on_both_sides() {
     let scene = parse_valid(&[
         "materials.glass.emission=2",
