@@ -115,9 +115,11 @@
 
 mod cameras;
 pub mod description;
+mod diagnostics;
 mod document;
 mod extends;
 mod files;
+mod library;
 mod materials;
 mod mesh;
 mod obj;

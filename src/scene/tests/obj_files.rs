@@ -51,15 +51,17 @@ fn polygons_groups_and_attributes_are_read_and_curves_are_not() {
 #[test]
 fn faces_of_an_obj_file_that_cannot_be_traced_are_removed_and_counted() {
     let text = format!(
-        "{TETRAHEDRON}v nan 0 0\nv 1e19 0 0\nf 1 2 5\nf 1 2 6\nf 1 1 2\nf 2 1 3\nf 1 2\nf\n"
+        "{TETRAHEDRON}v nan 0 0\nv 1e19 0 0\nv 5 5 5\nf 1 2 5\nf 1 2 6\nf 1 1 2\nf 2 1 3\nf 1 2\nf\n"
     );
     let scene = load_obj(text.as_bytes(), "").unwrap();
     assert_eq!(mesh_of(&scene).faces.len(), 4);
     let expected = [
-        "mesh.obj: 2 faces with fewer than three corners removed",
-        "scene.toml:15:8: 2 faces with a coordinate that is not finite or beyond 1.8e18 removed",
-        "scene.toml:15:8: 1 face of zero area removed",
-        "scene.toml:15:8: 1 face equal to another removed",
+        "mesh.obj: 1 vertex with a coordinate that is not finite (line 11)",
+        "mesh.obj: 2 faces with fewer than three corners removed (lines 18, 19)",
+        "mesh.obj: 2 faces with a coordinate that is not finite or beyond 1.8e18 removed (lines 14, 15)",
+        "mesh.obj: 1 face of zero area removed (line 16)",
+        "mesh.obj: 1 face equal to another removed (line 17)",
+        "mesh.obj: 1 vertex of no face removed (line 13)",
     ];
     assert_eq!(scene.warnings.len(), expected.len(), "{:?}", scene.warnings);
     for (warning, expected) in scene.warnings.iter().zip(expected) {
