@@ -181,12 +181,8 @@ impl ObjFile {
     }
 }
 
-/// Whether a file of this name is an OBJ file: `.obj`, `.obj.gz` or `.obj.zst`.
-pub(super) fn has_obj_name(path: &Path) -> bool {
-    stem(path).is_some()
-}
-
-/// The name of an OBJ file without folder and endings.
+/// The name of an OBJ file without folder and endings; `None` unless it ends in `.obj`, `.obj.gz` or
+/// `.obj.zst`.
 pub(super) fn stem(path: &Path) -> Option<&str> {
     let name = path.file_name()?.to_str()?;
     let ends_in = |name: &str, ending: &str| {

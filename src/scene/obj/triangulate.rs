@@ -9,7 +9,7 @@ const MAX_CORNERS: usize = 1 << 14;
 /// What became of a polygon.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Outcome {
-    /// It is convex: a fan about its first corner.
+    /// It is convex, or has no finite outline: a fan about its first corner.
     Fan,
     /// Triangles of corners counted along the outline: two fewer than it has corners.
     Triangles(Vec<[u32; 3]>),
@@ -22,7 +22,7 @@ pub(super) enum Outcome {
 /// that fronts stay fronts.
 pub(super) fn polygon(outline: &[DVec3]) -> Outcome {
     let flat = project(outline);
-    if is_convex(&flat) {
+    if is_convex(&flat) || !flat.iter().all(|corner| corner.is_finite()) {
         return Outcome::Fan;
     }
     if flat.len() > MAX_CORNERS {
@@ -339,6 +339,6 @@ mod tests {
             .collect();
         assert_eq!(polygon(&star), Outcome::NoTriangulation);
         let nan = [DVec3::NAN, DVec3::X, DVec3::Y, DVec3::Z];
-        assert_eq!(polygon(&nan), Outcome::NoTriangulation);
+        assert_eq!(polygon(&nan), Outcome::Fan, "its faces are removed later");
     }
 }
