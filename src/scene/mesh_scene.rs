@@ -94,7 +94,7 @@ fn surroundings(mesh: &Mesh, is_lit: bool) -> String {
         let right = (0.5 * SUN_WIDTH * distance) * towards.cross(DVec3::Y).normalize();
         let up = right.cross(towards);
         // Counter-clockwise as seen from the mesh.
-        let corners = [-right - up, -right + up, right + up, right - up];
+        let corners = [-right - up, right - up, right + up, -right + up];
         let corners = corners.map(|corner| point(center + corner));
         let solid_angle = SUN_WIDTH * SUN_WIDTH;
         let radiance = SUN_IRRADIANCE.map(|irradiance| irradiance / solid_angle);

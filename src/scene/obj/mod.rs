@@ -196,22 +196,4 @@ pub(super) fn stem(path: &Path) -> Option<&str> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn obj_files_are_known_by_their_names() {
-        for (name, stem_of_name) in [
-            ("a/b.obj", Some("b")),
-            ("b.OBJ", Some("b")),
-            ("b.v2.obj.gz", Some("b.v2")),
-            ("b.Obj.zst", Some("b")),
-            ("b.toml", None),
-            ("b.gz", None),
-            ("obj", None),
-            ("größe", None),
-        ] {
-            assert_eq!(stem(Path::new(name)), stem_of_name, "{name}");
-        }
-    }
-}
+mod tests;
