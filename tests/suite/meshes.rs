@@ -61,6 +61,10 @@ fn removed(warnings: &[String]) -> u64 {
 }
 
 #[test]
+#[allow(
+    clippy::print_stderr,
+    reason = "tells the developer that the test did nothing"
+)]
 fn every_mesh_has_its_triangles_or_is_refused_at_a_line() {
     let Some(root) = std::env::var_os("WAVEPATH_MESHES").map(PathBuf::from) else {
         eprintln!("skipped: set WAVEPATH_MESHES to a folder of OBJ files with a README.md");

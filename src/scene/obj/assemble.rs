@@ -60,10 +60,10 @@ impl Assembly {
     /// that counts back too far.
     pub(super) fn add(&mut self, mut elements: Elements, text: &[u8]) -> Result<(), Mistake> {
         let above = [self.positions.len(), self.uvs.len(), self.normals.len()];
-        for kind in 0..KINDS {
+        for (kind, &above) in above.iter().enumerate() {
             for &corner in &elements.relative[kind] {
                 let index = &mut elements.corners[kind][corner as usize];
-                *index += above[kind] as i64;
+                *index += above as i64;
                 if *index < 1 {
                     return Err(self.missing_relative(&elements, kind, corner, text));
                 }
