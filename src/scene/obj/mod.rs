@@ -1,9 +1,9 @@
 //! Wavefront OBJ files with their MTL files and textures.
 //!
 //! The text is decompressed while it is read, in one thread, and parsed in chunks by all others; tobj
-//! reads the MTL files. tobj itself takes 3.1 s for the vertices and faces of a terrain of 5.8 million
-//! triangles (209 MB, 68 MB/s), names no lines, and refuses whole files for a vertex that is not
-//! finite; tests compare the two.
+//! reads the MTL files. tobj's own reader took 4.4 to 6.2 s for a terrain of 5.8 million triangles
+//! (209 MB) where this one took 1.4 to 2.3 s (three interleaved rounds on two busy cores); it names no
+//! lines, and refuses whole files for a vertex that is not finite. Tests compare the two.
 
 mod assemble;
 mod chunks;
