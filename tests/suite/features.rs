@@ -1,6 +1,6 @@
 //! What a scene does not need is not there: no queue, no column, no stage, no time.
 
-use wavepath::accel;
+use wavepath::accel::{Accel, LinearScan};
 use wavepath::compile::compile;
 use wavepath::integrator::plan::{Plan, QueuePlan};
 use wavepath::integrator::stats::RenderStats;
@@ -302,5 +302,22 @@ fn the_structure_that_is_asked_for_is_planned() {
             ..endless(Strategy::Mis)
         };
         assert_eq!(plan(&scene, &settings).accel, name);
+    }
+}
+
+#[test]
+fn primitives_of_a_compiled_scene_are_those_that_its_structure_was_built_over() {
+    let mut spheres = bare_floor(lambertian(0.5));
+    let black = spheres.matter(BsdfDescription::Black);
+    spheres.sphere([0.5; 3], 0.1, black);
+    let settings = RenderSettings {
+        accel: AccelKind::Linear,
+        ..endless(Strategy::Mis)
+    };
+    for scene in [spheres.build(), adorned_room().build()] {
+        let compiled = compile(&scene, 0, 16, 16, &settings).expect("the scene is sound");
+        // The scan's size tells how many faces were merged: those with attributes are not.
+        let scan = LinearScan::new(&compiled.geometry(&scene));
+        assert_eq!(scan.bytes(), compiled.accel.bytes());
     }
 }

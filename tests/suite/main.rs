@@ -10,6 +10,7 @@ mod determinism;
 mod extremes;
 mod features;
 mod furnace;
+mod meshes;
 mod oracles;
 mod reference;
 mod renderer;
