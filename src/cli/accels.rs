@@ -50,6 +50,7 @@ pub(super) fn run(args: &AccelsArgs) -> Result<Status> {
         batch: args.batch,
         rounds: args.rounds,
         threads: args.threads.unwrap_or(job.settings.threads),
+        quality: job.settings.accel_quality,
         seed: args.seed.unwrap_or(job.settings.seed),
     };
     let input = AccelsInput {

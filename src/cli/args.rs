@@ -214,7 +214,7 @@ pub(super) struct MeshArgs {
 /// of this program's own differs by more than rounding explains, the exit code is 1.
 #[derive(Debug, clap::Args)]
 pub(super) struct AccelsArgs {
-    /// Scene file (TOML)
+    /// Scene file (TOML), or a mesh (.obj, .obj.gz, .obj.zst), which gets a camera, a sky and a sun
     pub(super) scene: PathBuf,
 
     /// Structures, separated by commas: linear, octree, bvh2, bvh8; obvhs-bvh2 and obvhs-cwbvh, with their own

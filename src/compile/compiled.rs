@@ -4,8 +4,9 @@ use glam::{DVec3, Vec3};
 
 use super::attributes::{CornerAttributes, sound_uv, unit};
 use super::maps::{MaterialMaps, is_partial, is_textured, maps};
+use super::structure::{build_quality, structure};
 use super::{Camera, Features};
-use crate::accel::{self, Accel, BuildOptions, BuildQuality, Structure};
+use crate::accel::{self, Accel, BuildOptions, BuildPhase};
 use crate::error::{Error, Result};
 use crate::geometry::{Geometry, Sphere, Triangle};
 use crate::light::{BackgroundLight, FlatLight, Light, LightTable, PointLight, SphereLight, kinds};
@@ -13,9 +14,8 @@ use crate::material::{FresnelFormula, MaterialKind, MaterialSpec, MaterialTable}
 use crate::math::Table;
 use crate::math::float::gamma;
 use crate::scene::{
-    AccelKind, AccelQuality, BsdfDescription, EmissionDescription, Fresnel, IntegratorKind,
-    MaterialDescription, MaterialId, Mesh, RenderSettings, SamplerKind, SceneDescription,
-    ShapeGeometry, Strategy,
+    BsdfDescription, EmissionDescription, Fresnel, IntegratorKind, MaterialDescription, MaterialId,
+    Mesh, RenderSettings, SamplerKind, SceneDescription, ShapeGeometry, Strategy,
 };
 use crate::texture::TextureTable;
 
@@ -138,6 +138,21 @@ pub fn compile(
     height: u32,
     settings: &RenderSettings,
 ) -> Result<CompiledScene> {
+    compile_with_progress(scene, camera, width, height, settings, &|_, _| {})
+}
+
+/// As [`compile`]; `progress` is told of the build as [`BuildOptions::progress`] is.
+///
+/// # Errors
+/// As [`compile`].
+pub fn compile_with_progress(
+    scene: &SceneDescription,
+    camera: usize,
+    width: u32,
+    height: u32,
+    settings: &RenderSettings,
+    progress: &dyn Fn(BuildPhase, f64),
+) -> Result<CompiledScene> {
     let Some(view) = scene.cameras.get(camera) else {
         return Err(Error::usage(format!(
             "the scene has no camera number {camera}"
@@ -198,20 +213,10 @@ pub fn compile(
         let points = scene.point_lights.iter();
         points.map(|light| tables.point(light.position)).collect()
     });
-    let structure = match settings.accel {
-        AccelKind::Auto => accel::auto(&tables.geometry),
-        AccelKind::Linear => Structure::Linear,
-        AccelKind::Octree => Structure::Octree,
-        AccelKind::Bvh2 => Structure::Bvh2,
-        AccelKind::Bvh8 => Structure::Bvh8,
-    };
+    let structure = structure(settings.accel, &tables.geometry);
     let options = BuildOptions {
-        quality: match settings.accel_quality {
-            AccelQuality::Fast => BuildQuality::Fast,
-            AccelQuality::Medium => BuildQuality::Medium,
-            AccelQuality::Best => BuildQuality::Best,
-        },
-        ..BuildOptions::default()
+        quality: build_quality(settings.accel_quality),
+        progress: Some(progress),
     };
     Ok(CompiledScene {
         features,

@@ -6,11 +6,15 @@ pub mod compiled;
 pub mod features;
 mod geometry;
 mod maps;
+mod structure;
 mod work_item;
 
 pub use attributes::CornerAttributes;
 pub use camera::Camera;
-pub use compiled::{Albedo, CompiledScene, PrimitiveClass, SurfaceTable, compile};
+pub use compiled::{
+    Albedo, CompiledScene, PrimitiveClass, SurfaceTable, compile, compile_with_progress,
+};
 pub use features::Features;
 pub use maps::MaterialMaps;
+pub use structure::{build_quality, structure};
 pub use work_item::{TILE, WorkItem};

@@ -225,7 +225,7 @@ impl RenderReport {
 }
 
 /// An option's value as it is typed.
-fn name(value: impl ValueEnum) -> String {
+pub(super) fn name(value: impl ValueEnum) -> String {
     value
         .to_possible_value()
         .map_or_else(String::new, |value| value.get_name().to_owned())

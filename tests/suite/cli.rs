@@ -10,7 +10,7 @@ use wavepath::film::{ExrImage, read_exr};
 use wavepath::integrator::stats::EndReason;
 use wavepath::report::RenderReport;
 use wavepath::report::accels::{AccelsReport, RayKind};
-use wavepath::scene::{Budget, SamplerKind, Strategy};
+use wavepath::scene::{AccelQuality, Budget, SamplerKind, Strategy};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/hexroom.toml");
 
@@ -690,7 +690,11 @@ fn accels_compares_structures_and_writes_every_figure() {
     let directory = directory();
     let output = succeed(
         wavepath(&directory)
-            .args(accels(CORNELL, "linear,octree,bvh2,bvh8,obvhs-bvh2,obvhs-cwbvh"))
+            .args(accels(
+                CORNELL,
+                "linear,octree,bvh2,bvh8,obvhs-bvh2,obvhs-cwbvh",
+            ))
+            .args(["--set", "render.accel_quality=fast"])
             .args(["--json", "a.json", "-q"]),
     );
     assert_eq!(stderr(&output), "");
@@ -700,10 +704,18 @@ fn accels_compares_structures_and_writes_every_figure() {
     assert_eq!((report.triangles, report.spheres), (32, 0));
     assert_eq!(report.scene.width, 64);
     assert_eq!(report.settings.kinds, RayKind::ALL);
+    assert_eq!(report.settings.quality, AccelQuality::Fast);
     let names: Vec<&str> = report.structures.iter().map(|s| s.name.as_str()).collect();
     assert_eq!(
         names,
-        ["linear", "octree", "bvh2", "bvh8", "obvhs-bvh2", "obvhs-cwbvh"]
+        [
+            "linear",
+            "octree",
+            "bvh2",
+            "bvh8",
+            "obvhs-bvh2",
+            "obvhs-cwbvh"
+        ]
     );
     for structure in &report.structures {
         assert!(stdout(&output).contains(&structure.name));

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::memory::peak_growth;
 use crate::accel::foreign::{EMBREE, EmbreeBuild, EmbreeCalls, ObvhsBvh2, ObvhsCwBvh, embree_name};
-use crate::accel::{self, Accel, Structure};
+use crate::accel::{self, Accel, BuildOptions, BuildQuality, Structure};
 use crate::error::{Error, Result};
 use crate::geometry::Geometry;
 use crate::report::{Span, Stopwatch};
@@ -119,16 +119,18 @@ pub struct Built {
 pub struct Builder<'a> {
     geometry: &'a Geometry,
     pool: &'a ThreadPool,
+    quality: BuildQuality,
     #[cfg(feature = "embree")]
     embree: embree::Scenes,
 }
 
 impl<'a> Builder<'a> {
-    /// A builder that uses the threads of the pool.
-    pub fn new(geometry: &'a Geometry, pool: &'a ThreadPool) -> Self {
+    /// A builder that uses the threads of the pool; `quality` is that of this program's structures.
+    pub fn new(geometry: &'a Geometry, pool: &'a ThreadPool, quality: BuildQuality) -> Self {
         Self {
             geometry,
             pool,
+            quality,
             #[cfg(feature = "embree")]
             embree: embree::Scenes::default(),
         }
@@ -146,7 +148,16 @@ impl<'a> Builder<'a> {
             ));
         }
         let (accel, figures): (Box<dyn Accel>, _) = match contestant {
-            Contestant::Own(structure) => self.measure(|| accel::build(structure, geometry))?,
+            Contestant::Own(structure) => {
+                let quality = self.quality;
+                self.measure(|| {
+                    let options = BuildOptions {
+                        quality,
+                        ..BuildOptions::default()
+                    };
+                    accel::build_with(structure, geometry, &options)
+                })?
+            }
             Contestant::ObvhsBvh2 => {
                 self.measure(|| Ok(Box::new(ObvhsBvh2::new(geometry)?) as _))?
             }
@@ -304,7 +315,7 @@ mod tests {
             triangles: crate::geometry::testing::lat_long_sphere(8, 8, 0.1, &mut rng).triangles(),
             ..Geometry::default()
         };
-        let mut builder = Builder::new(&geometry, &pool);
+        let mut builder = Builder::new(&geometry, &pool, BuildQuality::Medium);
         for contestant in Contestant::all() {
             // Embree may not be there.
             if let Ok(built) = builder.build(contestant) {
@@ -314,6 +325,27 @@ mod tests {
                 assert!(matches!(contestant, Contestant::Embree(..)));
             }
         }
+    }
+
+    #[test]
+    fn own_structures_are_built_at_the_wanted_quality() {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .build()
+            .unwrap();
+        let mut rng = crate::geometry::testing::Rng(4);
+        // Large triangles askew to the axes, which best quality puts into several leaves.
+        let large = crate::geometry::testing::torus(12, 6, 0.4).turned(rng.rotation());
+        let geometry = Geometry {
+            triangles: large.triangles(),
+            ..Geometry::default()
+        };
+        let [medium, best] = [BuildQuality::Medium, BuildQuality::Best].map(|quality| {
+            let mut builder = Builder::new(&geometry, &pool, quality);
+            let built = builder.build(Contestant::Own(Structure::Bvh2)).unwrap();
+            built.figures.bytes
+        });
+        assert!(medium < best, "{medium} {best}");
     }
 
     #[test]
@@ -329,7 +361,7 @@ mod tests {
             }],
             ..Geometry::default()
         };
-        let mut builder = Builder::new(&geometry, &pool);
+        let mut builder = Builder::new(&geometry, &pool, BuildQuality::Medium);
         for contestant in Contestant::all() {
             assert_eq!(builder.build(contestant).is_ok(), contestant.is_own());
         }

@@ -20,9 +20,9 @@ use self::differences::Reference;
 use self::scan::Scan;
 use super::{Build, Machine, SceneReport};
 use crate::accel::AccelCounters;
-use crate::compile::CompiledScene;
+use crate::compile::{CompiledScene, build_quality};
 use crate::error::{Error, Result};
-use crate::scene::SceneDescription;
+use crate::scene::{AccelQuality, SceneDescription};
 
 /// Version of the JSON format; it changes when a field changes its meaning or disappears.
 pub const FORMAT: u32 = 1;
@@ -49,6 +49,8 @@ pub struct AccelsSettings {
     pub rounds: usize,
     /// Threads, ≥ 1.
     pub threads: usize,
+    /// Quality of the builds of this program's structures.
+    pub quality: AccelQuality,
     /// Seed of the rays.
     pub seed: u64,
 }
@@ -233,7 +235,7 @@ pub fn compare(input: AccelsInput<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Resul
     memory::keep_no_freed_memory();
     let built = build_all(
         contestants,
-        &mut Builder::new(&geometry, &pool),
+        &mut Builder::new(&geometry, &pool, build_quality(settings.quality)),
         &mut notes,
         tell,
     )?;

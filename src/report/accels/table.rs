@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::{AccelsReport, KindFigures, StructureReport};
+use crate::report::summary::name as option_name;
 
 impl fmt::Display for AccelsReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -14,9 +15,10 @@ impl fmt::Display for AccelsReport {
         )?;
         writeln!(
             f,
-            "{}; {} threads, batches of {} rays, {} rounds, seed {}, {} lanes",
+            "{}; {} threads, {} builds, batches of {} rays, {} rounds, seed {}, {} lanes",
             self.machine.cpu,
             settings.threads,
+            option_name(settings.quality),
             settings.batch,
             settings.rounds,
             settings.seed,
@@ -153,6 +155,7 @@ mod tests {
         AccelsSettings, BuildFigures, Differences, FORMAT, RayKind, Round, Spread,
     };
     use crate::report::{Build, Machine, SceneReport, Span};
+    use crate::scene::AccelQuality;
 
     fn structure(name: &str, nodes: Option<f64>) -> StructureReport {
         StructureReport {
@@ -212,6 +215,7 @@ mod tests {
                 batch: 100,
                 rounds: 1,
                 threads: 2,
+                quality: AccelQuality::Best,
                 seed: 0,
             },
             structures: vec![
@@ -221,6 +225,7 @@ mod tests {
             notes: Vec::new(),
         };
         let text = report.to_string();
+        assert!(text.contains("2 threads, best builds"), "{text}");
         let row = |name: &str, number: usize| {
             let mut rows = text.lines().filter(|line| line.starts_with(name));
             let words = rows.nth(number).unwrap().split_whitespace();
