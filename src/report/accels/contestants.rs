@@ -334,10 +334,13 @@ mod tests {
             .build()
             .unwrap();
         let mut rng = crate::geometry::testing::Rng(4);
-        // Large triangles askew to the axes, which best quality puts into several leaves.
+        // A few triangles that are large against the others, and askew: best quality puts them into
+        // several leaves.
         let large = crate::geometry::testing::torus(12, 6, 0.4).turned(rng.rotation());
+        let small = crate::geometry::testing::lat_long_sphere(120, 240, 0.2, &mut rng)
+            .placed(0.01, [0.0; 3]);
         let geometry = Geometry {
-            triangles: large.triangles(),
+            triangles: [large.triangles(), small.triangles()].concat(),
             ..Geometry::default()
         };
         let [medium, best] = [BuildQuality::Medium, BuildQuality::Best].map(|quality| {
