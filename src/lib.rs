@@ -115,7 +115,7 @@
 //! | --- | --- |
 //! | 1 | [`math`], [`error`] |
 //! | 2 | [`sampler`], [`geometry`] |
-//! | 3 | [`scene`], [`accel`], [`material`], [`light`]; none uses another |
+//! | 3 | [`scene`], [`accel`], [`material`], [`texture`], [`light`]; none uses another |
 //! | 4 | [`compile`](mod@compile) |
 //! | 5 | [`wave`] |
 //! | 6 | [`stage`]; no stage calls another |
@@ -131,7 +131,8 @@
 //!   linear.
 //! - Axes are right-handed and none is "up". The geometric normal of a triangle (a, b, c) is along
 //!   (b − a) × (c − a), that of a sphere points outward. Surfaces scatter on both sides; normals
-//!   decide one-sided emission and where the inside of glass is.
+//!   decide one-sided emission and where the inside of glass is. Interpolated normals turn the frame
+//!   in which a surface scatters; on which side of it a ray is, the geometric normal alone decides.
 //! - Directions are of unit length. In materials they are in the frame of the hit, z along the
 //!   normal, and point away from the surface; from lights they point from the shaded point to the
 //!   light. Values of a BSDF contain the cosine at the direction that is asked for or sampled.
@@ -150,9 +151,9 @@
 //!
 //! # Limits
 //!
-//! - Surfaces have constant colours: no textures, no interpolated normals, no rough glass or metal,
-//!   no absorption in glass, no volumes, no spectra. Cameras are pinholes. Nothing moves, and meshes
-//!   are not instanced.
+//! - No rough glass or metal, no absorption in glass, no volumes, no spectra. Textures scale
+//!   reflectance and opacity, are not filtered beyond bilinear interpolation, and lie on meshes alone.
+//!   Cameras are pinholes. Nothing moves, and meshes are not instanced.
 //! - Light sources are triangles, quads, spheres, points and a constant background. A light is
 //!   chosen by its power alone, not by its distance.
 //! - The path integrator is unidirectional. Light that comes to a diffuse surface by way of glass or
@@ -196,6 +197,8 @@
 //!   Schlick, "An Inexpensive BRDF Model for Physically-based Rendering", Computer Graphics Forum
 //!   13(3), 1994. E. Lafortune, Y. Willems, "Using the Modified Phong Reflectance Model for
 //!   Physically Based Rendering", KU Leuven 1994.
+//! - A. Keller et al., "The Iray Light Transport Simulation and Rendering System", arXiv:1705.01263,
+//!   2017: interpolated normals that no reflection leaves downward.
 //! - T. Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017. M. E. O'Neill,
 //!   "PCG: A Family of Simple Fast Space-Efficient Statistically Good Algorithms for Random Number
 //!   Generation", Harvey Mudd College 2014.
@@ -215,6 +218,7 @@ pub mod report;
 pub mod sampler;
 pub mod scene;
 pub mod stage;
+pub mod texture;
 pub mod wave;
 
 pub use error::{Error, ErrorKind, Result};

@@ -145,6 +145,7 @@ impl WideTree {
     }
 
     /// Expected cost of a ray that hits the box of everything.
+    #[cfg(test)]
     pub(super) fn sah_cost(&self, costs: &CollapseCosts) -> f64 {
         let cost = |bounds: &Bounds, child: &WideChild| {
             let each = match *child {

@@ -5,11 +5,13 @@ mod build_options;
 mod bvh2;
 mod bvh8;
 mod collapse;
+pub mod foreign;
 mod huge_pages;
 mod leaf;
 mod linear;
 mod morton;
 mod octant;
+mod octree;
 mod packet;
 mod ploc;
 mod polygon;
@@ -27,6 +29,7 @@ pub use build_options::{BuildOptions, BuildPhase, BuildQuality};
 pub use bvh2::Bvh2;
 pub use bvh8::Bvh8;
 pub use linear::LinearScan;
+pub use octree::Octree;
 
 use crate::error::{Error, Result};
 use crate::geometry::Geometry;
@@ -36,12 +39,36 @@ use crate::geometry::Geometry;
 pub enum Structure {
     /// [`LinearScan`].
     Linear,
+    /// [`Octree`].
+    Octree,
     /// [`Bvh2`].
     Bvh2,
     /// [`Bvh8`].
     Bvh8,
     /// [`Bvh8`] with packets of rays wherever they can.
     Packet,
+}
+
+impl Structure {
+    /// Every structure.
+    pub const ALL: [Self; 5] = [
+        Self::Linear,
+        Self::Octree,
+        Self::Bvh2,
+        Self::Bvh8,
+        Self::Packet,
+    ];
+
+    /// Name as on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Octree => "octree",
+            Self::Bvh2 => "bvh2",
+            Self::Bvh8 => "bvh8",
+            Self::Packet => "packet",
+        }
+    }
 }
 
 /// Up to this many primitives the linear scan is the faster one. Measured with 16 lanes, incoherent rays:
@@ -77,6 +104,7 @@ pub fn build_with(
     check_limit(geometry.len())?;
     Ok(match structure {
         Structure::Linear => Box::new(LinearScan::new(geometry)),
+        Structure::Octree => Box::new(Octree::new(geometry)),
         Structure::Bvh2 => Box::new(Bvh2::with_options(geometry, options)),
         Structure::Bvh8 => Box::new(Bvh8::new(geometry, options)?),
         Structure::Packet => Box::new(Bvh8::packets(geometry, options)?),

@@ -9,7 +9,12 @@ use crate::geometry::{PrimitiveId, Sphere, Triangle, spawn_origin, triangle_poin
 use crate::math::Vec3s;
 use crate::math::lanes::padded;
 
-const ALL: [Structure; 3] = [Structure::Linear, Structure::Bvh2, Structure::Bvh8];
+const TREES: [Structure; 4] = [
+    Structure::Octree,
+    Structure::Bvh2,
+    Structure::Bvh8,
+    Structure::Packet,
+];
 
 /// Rays in columns.
 #[derive(Default)]
@@ -257,7 +262,7 @@ fn random_rays(n: usize, rng: &mut Rng, mut origin: impl FnMut(&mut Rng) -> [f32
 fn no_ray_from_inside_a_closed_sphere_escapes() {
     let far = [148_376.0, 1_234.0, -223_423.0];
     let mut rng = Rng(1);
-    for structure in ALL {
+    for structure in Structure::ALL {
         for (scale, center) in [
             (2.0, [0.0; 3]),
             (2.0, far),
@@ -297,7 +302,7 @@ fn no_ray_from_inside_a_torus_or_a_cube_or_a_room_of_merged_polygons_escapes() {
         let p = rng.sphere();
         [cos + 0.1 * p[0], sin + 0.1 * p[1], 0.1 * p[2]]
     };
-    for structure in ALL {
+    for structure in Structure::ALL {
         let mesh = torus(24, 12, 0.3);
         let accel = built(structure, &geometry(&mesh));
         let mut rays = adversarial(&mesh, false, 50_000, &mut rng, in_tube);
@@ -424,7 +429,7 @@ fn every_structure_agrees_with_f64() {
                 rng.sphere().map(|x| 2.0 * x)
             }
         });
-        let answers: Vec<_> = ALL
+        let answers: Vec<_> = Structure::ALL
             .map(|structure| rays.closest(&*built(structure, geometry)))
             .into();
         let (mut judged, mut hits) = (0, 0);
@@ -473,7 +478,7 @@ fn every_structure_agrees_with_f64() {
                     .get(id as usize)
                     .map_or(id, |group| group + 1_000_000)
             };
-            for (structure, answer) in ALL.iter().zip(&answers) {
+            for (structure, answer) in Structure::ALL.iter().zip(&answers) {
                 let (t, id) = answer[i];
                 match candidates.first() {
                     None => assert_eq!(
@@ -501,16 +506,15 @@ fn every_structure_agrees_with_f64() {
 }
 
 #[test]
-fn both_trees_give_the_same_bits() {
+fn all_trees_give_the_same_bits() {
     let mut rng = Rng(28);
     let mesh = lat_long_sphere(30, 60, 0.3, &mut rng);
     let soup = soup(700, 0, &mut rng);
     for geometry in [&geometry(&mesh), &soup] {
         let mut rays = adversarial(&mesh, true, 40_000, &mut rng, near([0.0; 3], 1.0));
-        let [two, eight] =
-            [Structure::Bvh2, Structure::Bvh8].map(|s| rays.closest(&*built(s, geometry)));
+        let [answers, others @ ..] = TREES.map(|s| rays.closest(&*built(s, geometry)));
         // And the plain loop, with its own way of choosing the lower id.
-        for (i, answer) in two.iter().enumerate().take(4_000) {
+        for (i, answer) in answers.iter().enumerate().take(4_000) {
             let (origin, direction) = rays.ray(i);
             let ray = ShearRay::new(origin, direction);
             let nearest = (0u32..)
@@ -522,7 +526,7 @@ fn both_trees_give_the_same_bits() {
                 nearest.unwrap_or((f32::INFINITY, PrimitiveId::NONE))
             );
         }
-        assert!(two == eight);
+        assert!(others.iter().all(|other| *other == answers));
     }
 }
 
@@ -560,7 +564,7 @@ fn more_primitives_than_indices_are_an_error() {
 #[test]
 fn rays_with_nan_or_infinity_miss() {
     let room = room();
-    for structure in ALL {
+    for structure in Structure::ALL {
         let accel = built(structure, &room);
         let mut rays = Rays::default();
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -597,7 +601,7 @@ fn rays_with_nan_or_infinity_miss() {
 fn a_ray_is_answered_the_same_alone_and_in_company() {
     let mut rng = Rng(6);
     for geometry in [&room(), &soup(300, 30, &mut rng)] {
-        for structure in ALL {
+        for structure in Structure::ALL {
             let accel = built(structure, geometry);
             let mut all = random_rays(500, &mut rng, point_in_room);
             let together = all.closest(&*accel);
@@ -631,7 +635,7 @@ fn a_segment_is_occluded_where_the_closest_hit_is_nearer_than_its_end() {
         &soup(40, 0, &mut rng),
         &soup(0, 40, &mut rng),
     ] {
-        for structure in ALL {
+        for structure in Structure::ALL {
             let accel = built(structure, geometry);
             let n = 20_000;
             let mut rays = random_rays(n, &mut rng, |rng| rng.sphere().map(|x| 1.5 * x));
@@ -690,7 +694,7 @@ fn scenes_of_almost_nothing_are_answered() {
         segment_ends: None,
     };
     let miss = (f32::INFINITY, PrimitiveId::NONE);
-    for structure in ALL {
+    for structure in Structure::ALL {
         for (geometry, expected) in [
             (scene(&[], &[]), miss),
             (scene(&[triangle], &[]), (2.0, 0)),
@@ -730,7 +734,7 @@ fn of_a_hundred_thousand_identical_triangles_the_first_is_hit() {
         triangles: vec![triangle; 100_000],
         ..Geometry::default()
     };
-    for structure in ALL {
+    for structure in Structure::ALL {
         let accel = built(structure, &geometry);
         let mut rays = Rays::default();
         rays.push([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], PrimitiveId::NONE);
@@ -788,7 +792,7 @@ fn bounce(
 #[test]
 fn paths_in_a_closed_cube_never_escape_and_never_hit_the_wall_they_left() {
     let mut rng = Rng(8);
-    for structure in ALL {
+    for structure in Structure::ALL {
         for size in [1e-6, 1.0, 1e7] {
             let mesh = cube().turned(rng.rotation()).placed(size, [0.0; 3]);
             for merged in [false, true] {
@@ -818,7 +822,7 @@ fn paths_in_a_closed_cube_never_escape_and_never_hit_the_wall_they_left() {
 #[test]
 fn rays_that_leave_a_convex_mesh_of_coplanar_faces_hit_nothing() {
     let mut rng = Rng(5);
-    for structure in ALL {
+    for structure in Structure::ALL {
         for size in [1e-6, 1.0, 1e7] {
             // A turned cube of 4 × 4 squares per side.
             let turn = rng.rotation();
@@ -897,7 +901,7 @@ fn rays_that_leave_a_convex_mesh_of_coplanar_faces_hit_nothing() {
 #[test]
 fn hits_on_needles_at_grazing_angles_lie_on_the_needle() {
     let mut rng = Rng(23);
-    for structure in ALL {
+    for structure in Structure::ALL {
         let mut hits = 0;
         for (aspect, angle) in [
             (1.0f32, 0.01f32),
@@ -956,7 +960,7 @@ fn hits_on_needles_at_grazing_angles_lie_on_the_needle() {
 fn triangles_whose_edge_functions_underflow_are_hit_and_missed_rightly() {
     let mut rng = Rng(24);
     let size = 1e-23;
-    for structure in ALL {
+    for structure in Structure::ALL {
         let corners = [[0.0, 0.0, 0.0], [size, 0.0, 0.0], [0.0, size, 0.3 * size]];
         let accel = built(
             structure,
@@ -1041,7 +1045,7 @@ fn a_light_of_two_triangles_in_one_group_is_one_thing_to_skip_and_to_aim_at() {
 fn work_is_counted_and_bytes_grow_with_the_scene() {
     let mut rng = Rng(9);
     let (small, large) = (soup(100, 0, &mut rng), soup(200, 50, &mut rng));
-    for structure in ALL {
+    for structure in Structure::ALL {
         let accel = built(structure, &large);
         assert!(accel.bytes() > built(structure, &small).bytes());
         assert!(accel.bytes() >= 200 * 36 + 50 * 16);

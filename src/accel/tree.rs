@@ -122,6 +122,7 @@ pub(super) struct Pending {
 
 impl BinaryTree {
     /// Builds over all primitives at medium quality.
+    #[cfg(test)]
     pub(super) fn new(geometry: &Geometry) -> Self {
         Self::with_options(geometry, &BuildOptions::default())
     }

@@ -1,11 +1,10 @@
 //! What the arguments mean, after every check that needs no rendering.
 
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::film::{ImageFormat, check_memory, check_writable};
-use crate::report::{Span, Stopwatch};
+use crate::report::{LoadReport, Stopwatch};
 use crate::scene::{self, Budget, RenderSettings, SceneDescription};
 
 use super::args::{BudgetArgs, RenderArgs, SceneArgs};
@@ -23,10 +22,10 @@ const MAX_SIDE: u32 = 65_535;
 const MAX_BLOCK: u32 = 64;
 
 /// Most worker threads. Beyond any machine; it stops a slip of the keyboard from exhausting one.
-const MAX_THREADS: usize = 4096;
+pub(super) const MAX_THREADS: usize = 4096;
 
 /// Most paths in flight per thread: a few GiB of queues.
-const MAX_WAVE: usize = 1 << 24;
+pub(super) const MAX_WAVE: usize = 1 << 24;
 
 /// A loaded scene with the settings and the camera to look with. The film's size is the wanted one.
 #[derive(Debug)]
@@ -35,8 +34,8 @@ pub(super) struct SceneJob {
     /// Index into the scene's cameras.
     pub(super) camera: usize,
     pub(super) settings: RenderSettings,
-    /// Time that loading took.
-    pub(super) load: Span,
+    /// What loading took.
+    pub(super) load: LoadReport,
 }
 
 /// A render with everything that it needs, files found to be writable.
@@ -54,7 +53,10 @@ impl SceneJob {
         check_scene_args(args)?;
         let watch = Stopwatch::start();
         let mut scene = scene::load(&args.scene, &args.set)?;
-        let load = watch.span();
+        let load = LoadReport::new(watch.span(), &scene.mesh_files);
+        if args.strict {
+            check_warnings(&scene)?;
+        }
         scene.film.width = args.width.unwrap_or(scene.film.width);
         scene.film.height = args.height.unwrap_or(scene.film.height);
         let camera = args
@@ -94,7 +96,7 @@ impl SceneJob {
         } else {
             scene::parse(BUILT_IN_TEXT, path, &[])?
         };
-        let load = watch.span();
+        let load = LoadReport::new(watch.span(), &scene.mesh_files);
         let settings = RenderSettings::from_defaults(&scene.render);
         Ok(Self {
             scene,
@@ -106,7 +108,9 @@ impl SceneJob {
 
     /// The scene's name: its file without the extension.
     pub(super) fn name(&self) -> String {
-        stem(&self.scene.source).to_string_lossy().into_owned()
+        scene::name(&self.scene.source)
+            .to_string_lossy()
+            .into_owned()
     }
 
     /// Name of the chosen camera.
@@ -170,6 +174,17 @@ fn check_scene_args(args: &SceneArgs) -> Result<()> {
     check_range("--block", args.block, 1, MAX_BLOCK)
 }
 
+/// Errors with all warnings about the scene, if there are any.
+fn check_warnings(scene: &SceneDescription) -> Result<()> {
+    let warnings = &scene.warnings;
+    if warnings.is_empty() {
+        return Ok(());
+    }
+    let listed = warnings.join("; ");
+    let message = format!("{} warnings under --strict: {listed}", warnings.len());
+    Err(Error::file(&scene.source, message))
+}
+
 /// The limit that was typed, if one was.
 fn budget(args: &BudgetArgs) -> Result<Option<Budget>> {
     check_range("--spp", args.spp, 1, u64::MAX)?;
@@ -186,16 +201,7 @@ fn check_outputs(images: &[PathBuf], report: Option<&Path>) -> Result<()> {
     for image in images {
         ImageFormat::from_path(image)?;
     }
-    if let Some(path) = report
-        && !path
-            .extension()
-            .is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
-    {
-        let path = path.display();
-        return Err(Error::usage(format!(
-            "{path}: the name of a report must end in .json"
-        )));
-    }
+    report.map_or(Ok(()), check_report_name)?;
     let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
     let places: Vec<PathBuf> = images.iter().map(absolute).collect();
     for (index, place) in places.iter().enumerate() {
@@ -213,7 +219,18 @@ fn check_outputs(images: &[PathBuf], report: Option<&Path>) -> Result<()> {
         .try_for_each(check_writable)
 }
 
-fn check_range<T>(option: &str, value: Option<T>, least: T, most: T) -> Result<()>
+/// Errors unless the name of a report ends in `.json`.
+pub(super) fn check_report_name(path: &Path) -> Result<()> {
+    match path.extension() {
+        Some(extension) if extension.eq_ignore_ascii_case("json") => Ok(()),
+        _ => Err(Error::usage(format!(
+            "{}: the name of a report must end in .json",
+            path.display()
+        ))),
+    }
+}
+
+pub(super) fn check_range<T>(option: &str, value: Option<T>, least: T, most: T) -> Result<()>
 where
     T: PartialOrd + std::fmt::Display,
 {
@@ -258,13 +275,9 @@ fn find_camera(scene: &SceneDescription, name: &str) -> Result<usize> {
 
 /// The image of a scene if none is named: its name with `.png`, in the current directory.
 fn default_image(scene: &Path) -> PathBuf {
-    let mut name = stem(scene).to_owned();
+    let mut name = scene::name(scene).to_owned();
     name.push(".png");
     PathBuf::from(name)
-}
-
-fn stem(path: &Path) -> &OsStr {
-    path.file_stem().unwrap_or(OsStr::new("scene"))
 }
 
 #[cfg(test)]
@@ -321,6 +334,8 @@ mod tests {
             Path::new("room.v2.png")
         );
         assert_eq!(default_image(Path::new("..")), Path::new("scene.png"));
+        let mesh = Path::new("a/bunny.obj.zst");
+        assert_eq!(default_image(mesh), Path::new("bunny.png"));
     }
 
     #[test]

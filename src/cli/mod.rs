@@ -1,9 +1,11 @@
 //! The command line. Only this module and `main` print.
 
+mod accels;
 mod args;
 mod compare;
 mod interrupt;
 mod job;
+mod mesh;
 mod plan;
 mod progress;
 mod render;
@@ -28,9 +30,9 @@ pub const BAD_INPUT: u8 = 2;
 pub enum Status {
     /// It did what was asked: exit code 0.
     Done,
-    /// The images differ by more than was allowed: exit code 1.
+    /// Images, or answers of structures, differ by more than is allowed: exit code 1.
     Exceeded,
-    /// It was interrupted and has written what there was: exit code 130, as shells report SIGINT.
+    /// It was interrupted: exit code 130, as shells report SIGINT. A render has written what there was.
     Interrupted,
 }
 
@@ -57,6 +59,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Result<Status> {
         Some(Command::Render(args)) => render::run(&RenderJob::new(&args)?),
         Some(Command::Plan(args)) => plan::run(&SceneJob::new(&args)?),
         Some(Command::Compare(args)) => compare::run(&args),
+        Some(Command::Mesh(args)) => mesh::run(&args),
+        Some(Command::Accels(args)) => accels::run(&args),
     }
 }
 
@@ -129,6 +133,11 @@ mod tests {
             ),
             (vec!["render"], vec!["<SCENE>"]),
             (vec!["compare", "a.exr"], vec!["<B>"]),
+            (vec!["mesh", "soup", "-o", "a.obj"], vec!["--triangles"]),
+            (
+                vec!["mesh", "cube", "--triangles=1000", "-o", "a.obj"],
+                vec!["'cube'", "hairball", "terrain", "sponge", "soup"],
+            ),
             (vec!["paint"], vec!["'paint'"]),
         ] {
             let message = usage_error(&args);

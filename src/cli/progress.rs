@@ -1,4 +1,4 @@
-//! Shows how far a render is: a bar on a terminal, else a line every few seconds.
+//! Shows how far a build or render is: a bar on a terminal, else a line every few seconds.
 
 use std::io::IsTerminal;
 use std::sync::Mutex;
@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::accel::BuildPhase;
 use crate::integrator::stats::Progress;
 
 use super::note;
@@ -36,6 +37,17 @@ pub(super) struct ProgressDisplay {
     shown: Mutex<Instant>,
 }
 
+/// A bar over `length` triangles to be written; invisible if `quiet` or where the output is no terminal.
+pub(super) fn triangle_bar(length: u32, quiet: bool) -> ProgressBar {
+    if quiet || !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style =
+        ProgressStyle::with_template("{bar:30} {percent:>3} %, {human_pos} triangles, {eta} left")
+            .expect("the template is a constant and well formed");
+    ProgressBar::new(length.into()).with_style(style)
+}
+
 impl ProgressDisplay {
     pub(super) fn new(quiet: bool) -> Self {
         let (target, interval) = if quiet {
@@ -57,8 +69,17 @@ impl ProgressDisplay {
         }
     }
 
-    /// Shows the state if the last one is old enough.
+    /// Shows the state of a render if what was last shown is old enough.
     pub(super) fn show(&self, progress: &Progress) {
+        self.show_line(progress.fraction, || describe(progress));
+    }
+
+    /// Shows the state of a build, `share` of this phase in [0, 1], if what was last shown is old enough.
+    pub(super) fn show_build(&self, phase: BuildPhase, share: f64) {
+        self.show_line(share, || describe_build(phase, share));
+    }
+
+    fn show_line(&self, fraction: f64, line: impl FnOnce() -> String) {
         // Another worker is showing its state just now if the lock is taken.
         let Ok(mut shown) = self.shown.try_lock() else {
             return;
@@ -69,10 +90,10 @@ impl ProgressDisplay {
         *shown = Instant::now();
         match &self.target {
             Target::Nowhere => {}
-            Target::Lines => note(&describe(progress)),
+            Target::Lines => note(&line()),
             Target::Bar(bar) => {
-                bar.set_position((progress.fraction * BAR_LENGTH as f64) as u64);
-                bar.set_message(describe(progress));
+                bar.set_position((fraction * BAR_LENGTH as f64) as u64);
+                bar.set_message(line());
             }
         }
     }
@@ -83,6 +104,17 @@ impl ProgressDisplay {
             bar.finish_and_clear();
         }
     }
+}
+
+/// One line: what is being done, share done.
+fn describe_build(phase: BuildPhase, share: f64) -> String {
+    let step = match phase {
+        BuildPhase::Sort => "sorting primitives",
+        BuildPhase::Cluster => "clustering primitives",
+        BuildPhase::Optimize => "optimizing the tree",
+        BuildPhase::Collapse => "collapsing the tree",
+    };
+    format!("building: {step}, {:.0} %", 100.0 * share)
 }
 
 /// One line: share done, samples, rate, error, time left.
@@ -156,6 +188,14 @@ mod tests {
         assert_eq!(
             describe(&progress),
             "  0 %, 0.0 samples per pixel, 0.00 Mrays/s"
+        );
+    }
+
+    #[test]
+    fn line_of_a_build_tells_the_phase_and_its_share() {
+        assert_eq!(
+            describe_build(BuildPhase::Cluster, 0.426),
+            "building: clustering primitives, 43 %"
         );
     }
 

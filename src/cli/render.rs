@@ -4,7 +4,7 @@ use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use crate::compile::compile;
+use crate::compile::compile_with_progress;
 use crate::error::{Error, Result};
 use crate::film::{Film, Provenance, write_atomically, write_image};
 use crate::integrator::{self, plan::Plan, stats::EndReason};
@@ -28,18 +28,19 @@ pub(super) fn run(job: &RenderJob) -> Result<Status> {
     }
     let machine = Machine::read();
 
+    let progress = ProgressDisplay::new(job.quiet);
     let watch = Stopwatch::start();
-    let compiled = compile(
+    let compiled = compile_with_progress(
         scene,
         *camera,
         scene.film.width,
         scene.film.height,
         settings,
+        &|phase, share| progress.show_build(phase, share),
     )?;
     let build = watch.span();
 
     interrupt::listen()?;
-    let progress = ProgressDisplay::new(job.quiet);
     let watch = Stopwatch::start();
     let outcome = integrator::render(scene, &compiled, settings, &|state| {
         progress.show(state);
@@ -72,8 +73,9 @@ pub(super) fn run(job: &RenderJob) -> Result<Status> {
         film: &outcome.film,
         stats: &outcome.stats,
         ended: outcome.ended,
+        load: load.clone(),
         times: Times {
-            load: *load,
+            load: load.time,
             build,
             render,
             write,

@@ -2,8 +2,11 @@
 
 use glam::{DVec3, Vec3};
 
+use super::attributes::{CornerAttributes, sound_uv, unit};
+use super::maps::{MaterialMaps, is_partial, is_textured, maps};
+use super::structure::{build_quality, structure};
 use super::{Camera, Features};
-use crate::accel::{self, Accel, BuildOptions, BuildQuality, Structure};
+use crate::accel::{self, Accel, BuildOptions, BuildPhase};
 use crate::error::{Error, Result};
 use crate::geometry::{Geometry, Sphere, Triangle};
 use crate::light::{BackgroundLight, FlatLight, Light, LightTable, PointLight, SphereLight, kinds};
@@ -11,9 +14,10 @@ use crate::material::{FresnelFormula, MaterialKind, MaterialSpec, MaterialTable}
 use crate::math::Table;
 use crate::math::float::gamma;
 use crate::scene::{
-    AccelKind, AccelQuality, BsdfDescription, EmissionDescription, Fresnel, IntegratorKind,
-    MaterialId, RenderSettings, SamplerKind, SceneDescription, ShapeGeometry, Strategy,
+    BsdfDescription, EmissionDescription, Fresnel, IntegratorKind, MaterialDescription, MaterialId,
+    Mesh, RenderSettings, SamplerKind, SceneDescription, ShapeGeometry, Strategy,
 };
+use crate::texture::TextureTable;
 
 /// What the sort stage has to know of a primitive, in one word.
 #[derive(Debug, Clone, Copy)]
@@ -24,6 +28,8 @@ impl PrimitiveClass {
     pub const KIND: u32 = 7;
     /// The primitive emits.
     pub const EMITS: u32 = 8;
+    /// The material lets part of the light go straight on.
+    pub const PARTIAL: u32 = 16;
 }
 
 /// Per-primitive columns of what shading needs. Triangle `i` is primitive `i`, sphere `j` is
@@ -36,6 +42,10 @@ pub struct SurfaceTable {
     pub corners: [[Table<f32>; 3]; 3],
     /// Unit normals of the triangles, along (b − a) × (c − a).
     pub normal: [Table<f32>; 3],
+    /// Unit shading normals at the corners of triangles, on either side.
+    pub shading_normals: CornerAttributes<3>,
+    /// Texture coordinates at the corners of triangles whose material has textures.
+    pub uvs: CornerAttributes<2>,
     /// Centres of the spheres.
     pub center: [Table<f32>; 3],
     /// Radii of the spheres.
@@ -67,8 +77,12 @@ pub struct CompiledScene {
     pub surfaces: SurfaceTable,
     /// Material parameters.
     pub materials: MaterialTable,
-    /// Albedo per material for auxiliary images: reflectance, 1 for glass, 0 for black.
-    pub albedo: Vec<[f32; 3]>,
+    /// Textures and opacity of the materials.
+    pub maps: MaterialMaps,
+    /// Textures.
+    pub textures: TextureTable,
+    /// Albedo per material for auxiliary images.
+    pub albedo: Vec<Albedo>,
     /// Lights.
     pub lights: LightTable,
     /// Radiance of escaped rays, linear RGB.
@@ -87,6 +101,22 @@ pub struct CompiledScene {
     pub roulette_depth: u32,
     /// Seed.
     pub seed: u64,
+}
+
+/// What a material reflects in all directions together, for auxiliary images: linear RGB.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Albedo {
+    /// What a texture multiplies.
+    pub tinted: [f32; 3],
+    /// The rest: the lobe of a glossy surface, 1 for glass.
+    pub plain: [f32; 3],
+}
+
+impl Albedo {
+    /// All of it under a texture of this colour.
+    pub fn under(&self, texture: [f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|k| self.tinted[k] * texture[k] + self.plain[k])
+    }
 }
 
 impl CompiledScene {
@@ -108,6 +138,21 @@ pub fn compile(
     height: u32,
     settings: &RenderSettings,
 ) -> Result<CompiledScene> {
+    compile_with_progress(scene, camera, width, height, settings, &|_, _| {})
+}
+
+/// As [`compile`]; `progress` is told of the build as [`BuildOptions::progress`] is.
+///
+/// # Errors
+/// As [`compile`].
+pub fn compile_with_progress(
+    scene: &SceneDescription,
+    camera: usize,
+    width: u32,
+    height: u32,
+    settings: &RenderSettings,
+    progress: &dyn Fn(BuildPhase, f64),
+) -> Result<CompiledScene> {
     let Some(view) = scene.cameras.get(camera) else {
         return Err(Error::usage(format!(
             "the scene has no camera number {camera}"
@@ -115,6 +160,10 @@ pub fn compile(
     };
     let bounds = Bounds::of(scene);
     let mut tables = Tables::new(scene, bounds.center);
+    tables.keeps_normals = has_attribute(scene, |mesh, _| !mesh.face_normals.is_empty());
+    tables.keeps_uvs = has_attribute(scene, |mesh, is_textured| {
+        is_textured && !mesh.face_uvs.is_empty()
+    });
     // Spheres come after all triangles, in primitive numbers too.
     for shape in &scene.shapes {
         tables.add_faces(&shape.geometry, shape.material);
@@ -127,6 +176,12 @@ pub fn compile(
     }
     if tables.geometry.len() >= 1 << 31 {
         return Err(Error::limit("a scene may have at most 2^31 primitives"));
+    }
+    let surfaces = &tables.surfaces;
+    if surfaces.shading_normals.len().max(surfaces.uvs.len()) >= 1 << 31 {
+        return Err(Error::limit(
+            "a scene may have at most 2^31 normals and as many texture coordinates",
+        ));
     }
     for light in &scene.point_lights {
         let position = tables.point(light.position);
@@ -148,24 +203,20 @@ pub fn compile(
     tables.surfaces.light = tables.light.iter().copied().collect();
     tables.surfaces.class = tables.class.iter().copied().collect();
     let features = features(&tables, &lights, settings);
+    let (maps, textures) = if features.intersects(Features::TEXTURES | Features::OPACITY) {
+        maps(scene, |material| tables.shows_textures[material])?
+    } else {
+        Default::default()
+    };
     // Shadow rays to the background leave the scene; all others end on a primitive or a point light.
     tables.geometry.segment_ends = (scene.background.max_element() <= 0.0).then(|| {
         let points = scene.point_lights.iter();
         points.map(|light| tables.point(light.position)).collect()
     });
-    let structure = match settings.accel {
-        AccelKind::Auto => accel::auto(&tables.geometry),
-        AccelKind::Linear => Structure::Linear,
-        AccelKind::Bvh2 => Structure::Bvh2,
-        AccelKind::Bvh8 => Structure::Bvh8,
-    };
+    let structure = structure(settings.accel, &tables.geometry);
     let options = BuildOptions {
-        quality: match settings.accel_quality {
-            AccelQuality::Fast => BuildQuality::Fast,
-            AccelQuality::Medium => BuildQuality::Medium,
-            AccelQuality::Best => BuildQuality::Best,
-        },
-        ..BuildOptions::default()
+        quality: build_quality(settings.accel_quality),
+        progress: Some(progress),
     };
     Ok(CompiledScene {
         features,
@@ -175,6 +226,8 @@ pub fn compile(
         camera_index: camera,
         accel: accel::build_with(structure, &tables.geometry, &options)?,
         albedo: scene.materials.iter().map(|m| albedo(&m.bsdf)).collect(),
+        maps,
+        textures,
         surfaces: tables.surfaces,
         materials: tables.materials,
         lights,
@@ -186,6 +239,21 @@ pub fn compile(
         max_depth: settings.max_depth,
         roulette_depth: settings.roulette_depth,
         seed: settings.seed,
+    })
+}
+
+/// Whether some mesh has an attribute, which is told the mesh and whether any of its materials has
+/// textures.
+fn has_attribute(scene: &SceneDescription, has: impl Fn(&Mesh, bool) -> bool) -> bool {
+    let textured = |id: &MaterialId| is_textured(&scene.materials[id.0 as usize]);
+    scene.shapes.iter().any(|shape| {
+        let ShapeGeometry::Mesh(mesh) = &shape.geometry else {
+            return false;
+        };
+        has(
+            mesh,
+            textured(&shape.material) || mesh.face_materials.iter().any(textured),
+        )
     })
 }
 
@@ -258,14 +326,30 @@ struct Tables<'a> {
     class: Vec<u32>,
     /// Kinds of the materials that some primitive has.
     used: [bool; MaterialKind::COUNT],
+    /// Whether meshes have shading normals.
+    keeps_normals: bool,
+    /// Whether meshes with textures have texture coordinates.
+    keeps_uvs: bool,
+    /// Whether some primitive lets light go straight on.
+    has_partial: bool,
+    /// Materials whose textures some face shows.
+    shows_textures: Vec<bool>,
     dropped: usize,
+}
+
+/// Where the entries of one mesh begin among the shared vertex attributes.
+#[derive(Clone, Copy)]
+struct MeshEntries<'m> {
+    mesh: &'m Mesh,
+    first_normal: u32,
+    first_uv: u32,
 }
 
 impl<'a> Tables<'a> {
     fn new(scene: &'a SceneDescription, center: DVec3) -> Self {
         let mut materials = MaterialTable::default();
         for material in &scene.materials {
-            materials.push(material_spec(&material.bsdf));
+            materials.push(material_spec(material));
         }
         Self {
             scene,
@@ -277,6 +361,10 @@ impl<'a> Tables<'a> {
             light: Vec::new(),
             class: Vec::new(),
             used: [false; MaterialKind::COUNT],
+            keeps_normals: false,
+            keeps_uvs: false,
+            has_partial: false,
+            shows_textures: vec![false; scene.materials.len()],
             dropped: 0,
         }
     }
@@ -290,10 +378,12 @@ impl<'a> Tables<'a> {
     fn add_faces(&mut self, shape: &ShapeGeometry, material: MaterialId) {
         match shape {
             ShapeGeometry::Mesh(mesh) => {
+                let entries = self.add_attribute_values(mesh, material);
                 for (i, face) in mesh.faces.iter().enumerate() {
                     let material = mesh.face_materials.get(i).copied().unwrap_or(material);
                     let corners = face.map(|v| self.point(mesh.positions[v as usize]));
                     if let Some(primitive) = self.add_triangle(corners, material) {
+                        self.add_attributes(primitive, material, Some((&entries, i)));
                         let [a, b, c] = corners;
                         self.add_flat_light(
                             material,
@@ -308,7 +398,11 @@ impl<'a> Tables<'a> {
             ShapeGeometry::Quad(corners) => {
                 let [a, b, c, d] = corners.map(|p| self.point(p));
                 let halves = [[a, b, c], [a, c, d]];
-                let primitives = halves.map(|half| self.add_triangle(half, material));
+                let primitives = halves.map(|half| {
+                    let primitive = self.add_triangle(half, material)?;
+                    self.add_attributes(primitive, material, None);
+                    Some(primitive)
+                });
                 let size = (corners[2] - corners[0]).length();
                 let skew = (corners[0] - corners[1] + corners[2] - corners[3]).length();
                 if let ([Some(first), Some(second)], true) = (primitives, skew <= 1e-6 * size) {
@@ -357,12 +451,101 @@ impl<'a> Tables<'a> {
         Some(primitive)
     }
 
+    /// Adds the shading normals and texture coordinates of a mesh, as far as they are kept.
+    fn add_attribute_values<'m>(
+        &mut self,
+        mesh: &'m Mesh,
+        material: MaterialId,
+    ) -> MeshEntries<'m> {
+        let SurfaceTable {
+            shading_normals,
+            uvs,
+            ..
+        } = &mut self.surfaces;
+        let entries = MeshEntries {
+            mesh,
+            first_normal: shading_normals.len() as u32,
+            first_uv: uvs.len() as u32,
+        };
+        if self.keeps_normals && !mesh.face_normals.is_empty() {
+            for &normal in &mesh.normals {
+                // Faces do not refer to what has no direction.
+                shading_normals.push_value(unit(normal).unwrap_or_default());
+            }
+        }
+        let textured = |id: &MaterialId| is_textured(&self.scene.materials[id.0 as usize]);
+        if self.keeps_uvs
+            && !mesh.face_uvs.is_empty()
+            && (textured(&material) || mesh.face_materials.iter().any(textured))
+        {
+            for &uv in &mesh.uvs {
+                uvs.push_value(sound_uv(uv));
+            }
+        }
+        entries
+    }
+
+    /// Adds what the corners of the newest primitive have: `face` is its mesh and its number there,
+    /// where it is the face of a mesh.
+    fn add_attributes(
+        &mut self,
+        primitive: u32,
+        material: MaterialId,
+        face: Option<(&MeshEntries<'_>, usize)>,
+    ) {
+        let normals = face.and_then(|(entries, i)| self.normal_entries(primitive, entries, i));
+        let uvs = face.and_then(|(entries, i)| {
+            let uvs = entries.mesh.face_uvs.get(i)?;
+            let complete = uvs.iter().all(|&uv| (uv as usize) < entries.mesh.uvs.len());
+            (complete && is_textured(&self.scene.materials[material.0 as usize]))
+                .then(|| uvs.map(|uv| entries.first_uv + uv))
+        });
+        if self.keeps_normals {
+            self.surfaces.shading_normals.push_primitive(normals);
+        }
+        if self.keeps_uvs {
+            self.surfaces.uvs.push_primitive(uvs);
+            self.shows_textures[material.0 as usize] |= uvs.is_some();
+        }
+        if normals.or(uvs).is_some() {
+            // Not to be merged with its neighbours: only its own corners tell what is between them.
+            self.geometry.groups[primitive as usize] =
+                self.scene.materials.len() as u32 + primitive;
+        }
+    }
+
+    /// Entries of the shading normals of face `i`, or `None` if no corner has one. Corners without, and
+    /// those whose normal has no direction, get the normal of the face.
+    fn normal_entries(
+        &mut self,
+        primitive: u32,
+        entries: &MeshEntries<'_>,
+        i: usize,
+    ) -> Option<[u32; 3]> {
+        let mesh = entries.mesh;
+        let corners = mesh.face_normals.get(i)?.map(|normal| {
+            let value = mesh.normals.get(normal as usize)?;
+            unit(*value).map(|_| entries.first_normal + normal)
+        });
+        if corners == [None; 3] {
+            return None;
+        }
+        let face = self.surfaces.normal.each_ref();
+        let face = face.map(|column| column[primitive as usize]);
+        Some(
+            corners.map(|entry| {
+                entry.unwrap_or_else(|| self.surfaces.shading_normals.push_value(face))
+            }),
+        )
+    }
+
     fn add_sphere(&mut self, center: DVec3, radius: f64, material: MaterialId) {
         let sphere = Sphere {
             center: self.point(center),
             radius: radius as f32,
         };
         let primitive = self.geometry.len() as u32;
+        self.add_attributes(primitive, material, None);
         extend(&mut self.surfaces.center, sphere.center);
         self.surfaces.radius.push(sphere.radius);
         self.geometry.spheres.push(sphere);
@@ -387,7 +570,12 @@ impl<'a> Tables<'a> {
         self.used[kind as usize] = true;
         self.surfaces.material.push(material.0);
         self.light.push(0);
-        self.class.push(kind as u32);
+        let mut class = kind as u32;
+        if is_partial(&self.scene.materials[material.0 as usize]) {
+            class |= PrimitiveClass::PARTIAL;
+            self.has_partial = true;
+        }
+        self.class.push(class);
     }
 
     /// The emission of a material, if it has any power.
@@ -443,9 +631,13 @@ fn extend(columns: &mut [Table<f32>; 3], values: [f32; 3]) {
     }
 }
 
-fn material_spec(bsdf: &BsdfDescription) -> MaterialSpec {
+fn material_spec(material: &MaterialDescription) -> MaterialSpec {
     let rgb = |c: DVec3| c.as_vec3().to_array();
-    match *bsdf {
+    match material.bsdf {
+        // Black hits are in no queue, but a path may go on through a surface that is black in part.
+        BsdfDescription::Black if is_partial(material) => MaterialSpec::Lambertian {
+            reflectance: [0.0; 3],
+        },
         BsdfDescription::Black => MaterialSpec::Black,
         BsdfDescription::Lambertian { reflectance } => MaterialSpec::Lambertian {
             reflectance: rgb(reflectance),
@@ -471,23 +663,33 @@ fn material_spec(bsdf: &BsdfDescription) -> MaterialSpec {
             reflectance: rgb(reflectance),
             exponent: exponent as f32,
         },
-        BsdfDescription::Glossy { diffuse, .. } => MaterialSpec::Lambertian {
-            reflectance: rgb(diffuse),
+        BsdfDescription::Glossy {
+            diffuse,
+            specular,
+            exponent,
+        } => MaterialSpec::Glossy {
+            diffuse: rgb(diffuse),
+            specular: rgb(specular),
+            exponent: exponent as f32,
         },
     }
 }
 
-fn albedo(bsdf: &BsdfDescription) -> [f32; 3] {
-    match *bsdf {
-        BsdfDescription::Black => [0.0; 3],
+fn albedo(bsdf: &BsdfDescription) -> Albedo {
+    let (tinted, plain) = match *bsdf {
+        BsdfDescription::Black => (DVec3::ZERO, DVec3::ZERO),
         BsdfDescription::Lambertian { reflectance }
         | BsdfDescription::OrenNayar { reflectance, .. }
         | BsdfDescription::Mirror { reflectance }
-        | BsdfDescription::Phong { reflectance, .. } => reflectance.as_vec3().to_array(),
+        | BsdfDescription::Phong { reflectance, .. } => (reflectance, DVec3::ZERO),
         BsdfDescription::Glossy {
             diffuse, specular, ..
-        } => (diffuse + specular).as_vec3().to_array(),
-        BsdfDescription::Dielectric { .. } => [1.0; 3],
+        } => (diffuse, specular),
+        BsdfDescription::Dielectric { .. } => (DVec3::ZERO, DVec3::ONE),
+    };
+    Albedo {
+        tinted: tinted.as_vec3().to_array(),
+        plain: plain.as_vec3().to_array(),
     }
 }
 
@@ -520,9 +722,16 @@ fn features(tables: &Tables<'_>, lights: &LightTable, settings: &RenderSettings)
         (MaterialKind::Mirror, Features::MIRROR),
         (MaterialKind::Dielectric, Features::DIELECTRIC),
         (MaterialKind::Phong, Features::PHONG),
+        (MaterialKind::Glossy, Features::GLOSSY),
     ] {
         add(used(kind) && deep, feature);
     }
+    let shown = deep || settings.aux;
+    let smooth = !tables.surfaces.shading_normals.is_empty();
+    add(smooth && shown, Features::MESH_NORMALS);
+    let textured = tables.shows_textures.contains(&true);
+    add(textured && shown, Features::TEXTURES);
+    add(tables.has_partial && deep, Features::OPACITY);
     add(shadow_rays, Features::SHADOW_RAYS);
     let hittable = lights.kinds() & (kinds::FLAT | kinds::SPHERE | kinds::BACKGROUND) != 0;
     add(

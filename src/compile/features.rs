@@ -46,6 +46,14 @@ impl Features {
     pub const TRANSPARENT_SHADOWS: Self = Self(1 << 19);
     /// Albedo, normal and depth images.
     pub const AUX: Self = Self(1 << 20);
+    /// Diffuse surfaces with a Phong lobe.
+    pub const GLOSSY: Self = Self(1 << 21);
+    /// Interpolated shading normals.
+    pub const MESH_NORMALS: Self = Self(1 << 22);
+    /// Textures.
+    pub const TEXTURES: Self = Self(1 << 23);
+    /// Surfaces that let part of the light go straight on.
+    pub const OPACITY: Self = Self(1 << 24);
 
     /// What a scene can have, as opposed to what settings ask for.
     pub const SCENE: Self = Self(kinds::ALL)
@@ -55,9 +63,13 @@ impl Features {
         .with(Self::OREN_NAYAR)
         .with(Self::MIRROR)
         .with(Self::DIELECTRIC)
-        .with(Self::PHONG);
+        .with(Self::PHONG)
+        .with(Self::GLOSSY)
+        .with(Self::MESH_NORMALS)
+        .with(Self::TEXTURES)
+        .with(Self::OPACITY);
 
-    const NAMES: [(Self, &'static str); 18] = [
+    const NAMES: [(Self, &'static str); 22] = [
         (Self::TRIANGLES, "triangles"),
         (Self::SPHERES, "spheres"),
         (Self::LAMBERTIAN, "Lambertian surfaces"),
@@ -65,6 +77,10 @@ impl Features {
         (Self::MIRROR, "mirrors"),
         (Self::DIELECTRIC, "glass"),
         (Self::PHONG, "Phong surfaces"),
+        (Self::GLOSSY, "glossy surfaces"),
+        (Self::MESH_NORMALS, "smooth normals"),
+        (Self::TEXTURES, "textures"),
+        (Self::OPACITY, "opacity"),
         (Self::LIGHT_FLAT, "flat lights"),
         (Self::LIGHT_SPHERE, "sphere lights"),
         (Self::LIGHT_POINT, "point lights"),

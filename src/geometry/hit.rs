@@ -58,6 +58,16 @@ impl RayFrame {
 /// Where the triangle is seen exactly from its edge, the answer is its centroid.
 #[inline(always)]
 pub fn triangle_point(origin: Vec3s, direction: Vec3s, corners: [Vec3s; 3]) -> SurfacePoint {
+    triangle_hit(origin, direction, corners).0
+}
+
+/// [`triangle_point`] with its barycentric coordinates, which add up to 1 but for rounding.
+#[inline(always)]
+pub fn triangle_hit(
+    origin: Vec3s,
+    direction: Vec3s,
+    corners: [Vec3s; 3],
+) -> (SurfacePoint, [F32s; 3]) {
     let frame = RayFrame::new(direction);
     let [(ax, ay), (bx, by), (cx, cy)] = corners.map(|corner| frame.project(corner - origin));
     let u = bx * cy - by * cx;
@@ -71,10 +81,11 @@ pub fn triangle_point(origin: Vec3s, direction: Vec3s, corners: [Vec3s; 3]) -> S
 
     let [a, b, c] = [0, 1, 2].map(|corner| corners[corner] * weights[corner]);
     let sum = a.abs() + b.abs() + c.abs();
-    SurfacePoint {
+    let point = SurfacePoint {
         p: a + b + c,
         error: sum * F32s::splat(gamma(7)),
-    }
+    };
+    (point, weights)
 }
 
 /// The point at distance `t` of each lane's ray, drawn onto each lane's sphere: p = c + r·(o + t·d − c)/|…|.

@@ -1,13 +1,17 @@
 //! Triangles and spheres: tables of primitives, the tests of rays against them, and points on them.
 
 pub mod hit;
+pub mod normal;
 pub mod slab;
 pub mod sphere;
 #[cfg(test)]
 pub(crate) mod testing;
 pub mod triangle;
 
-pub use hit::{SurfacePoint, spawn_origin, sphere_point, triangle_point};
+use slab::Bounds;
+
+pub use hit::{SurfacePoint, spawn_origin, sphere_point, triangle_hit, triangle_point};
+pub use normal::{facing_normal, interpolated_normal};
 
 /// Index of a primitive: triangles first, then spheres.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -54,6 +58,20 @@ impl Geometry {
     /// Number of primitives.
     pub fn len(&self) -> usize {
         self.triangles.len() + self.spheres.len()
+    }
+
+    /// Boxes of all primitives, in the order of their ids: exact for triangles, and for spheres rounded
+    /// outward, so that no point of one is outside.
+    pub fn bounds(&self) -> impl Iterator<Item = Bounds> {
+        let triangles = self.triangles.iter();
+        let triangles = triangles.map(|triangle| Bounds::of(&triangle.corners));
+        let spheres = self.spheres.iter().map(|sphere| Bounds {
+            corners: [
+                sphere.center.map(|c| (c - sphere.radius).next_down()),
+                sphere.center.map(|c| (c + sphere.radius).next_up()),
+            ],
+        });
+        triangles.chain(spheres)
     }
 
     /// Whether there is nothing.

@@ -209,6 +209,12 @@ impl Material for Dielectric {
     }
 
     #[inline(always)]
+    fn straight_eta(params: &DielectricParams, wo: Vec3s) -> F32s {
+        let entering = wo.z.gt(F32s::splat(0.0));
+        entering.select(params.ior, F32s::splat(1.0) / params.ior)
+    }
+
+    #[inline(always)]
     fn split(params: &DielectricParams, wo: Vec3s) -> Option<[BsdfSample; 2]> {
         let branches = Self::branches(params, wo);
         let branch = |wi: Vec3s, weight: F32s, eta: F32s| BsdfSample {

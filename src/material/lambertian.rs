@@ -37,6 +37,11 @@ impl Material for Lambertian {
     }
 
     #[inline(always)]
+    fn tint(params: &mut Self::Params, by: Vec3s) {
+        params.reflectance = params.reflectance.mul_elem(by);
+    }
+
+    #[inline(always)]
     fn eval(params: &LambertianParams, _: Vec3s, wi: Vec3s) -> (Vec3s, F32s) {
         let pdf = cosine_hemisphere_pdf(wi.z.fast_max(F32s::splat(0.0)));
         (params.reflectance * pdf, pdf)

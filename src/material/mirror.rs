@@ -40,6 +40,11 @@ impl Material for Mirror {
     }
 
     #[inline(always)]
+    fn tint(params: &mut Self::Params, by: Vec3s) {
+        params.reflectance = params.reflectance.mul_elem(by);
+    }
+
+    #[inline(always)]
     fn eval(_: &MirrorParams, _: Vec3s, _: Vec3s) -> (Vec3s, F32s) {
         (Vec3s::zero(), F32s::splat(0.0))
     }

@@ -1,13 +1,14 @@
 //! Materials: how surfaces scatter, one file per material, as kernels on lanes of hits.
 //!
 //! All directions are in the local frame of the hit, of unit length, and point away from the
-//! surface; z is the geometric normal. Reflecting materials see `wo.z > 0` (the frame is turned to
+//! surface; z is the shading normal. Reflecting materials see `wo.z > 0` (the frame is turned to
 //! the side of the ray). A dielectric sees z along the outward normal, so `wo.z < 0` says that the
 //! ray comes from inside. Densities are per steradian. Lanes that hold no hit may hold anything,
 //! NaN included; their results mean nothing.
 
 mod black;
 mod dielectric;
+mod glossy;
 mod lambertian;
 mod mirror;
 mod oren_nayar;
@@ -17,6 +18,7 @@ mod tests;
 
 pub use black::Black;
 pub use dielectric::{Dielectric, DielectricBranches, DielectricParams, FresnelFormula};
+pub use glossy::{Glossy, GlossyParams};
 pub use lambertian::{Lambertian, LambertianParams};
 pub use mirror::{Mirror, MirrorParams};
 pub use oren_nayar::{OrenNayar, OrenNayarParams};
@@ -53,6 +55,11 @@ pub trait Material {
     /// The parameters of the hits' materials, which must all be of this kind.
     fn fetch(table: &MaterialTable, material: U32s) -> Self::Params;
 
+    /// Multiplies the (diffuse) reflectance by a texture's colour, linear RGB in [0, 1]. What has no
+    /// reflectance stays as it is.
+    #[inline(always)]
+    fn tint(_params: &mut Self::Params, _by: Vec3s) {}
+
     /// (f·|cos wi|, density with which [`Self::sample`] finds wi). Both are 0 where wi lies below the
     /// surface, and for delta lobes.
     fn eval(params: &Self::Params, wo: Vec3s, wi: Vec3s) -> (Vec3s, F32s);
@@ -60,6 +67,13 @@ pub trait Material {
     /// A direction from three uniform numbers in [0, 1): the first two for the direction within a
     /// lobe, the third for the choice of the lobe.
     fn sample(params: &Self::Params, wo: Vec3s, u: [F32s; 3]) -> BsdfSample;
+
+    /// n_t/n_i for light that goes straight through the boundary, as if it met no surface: it must not
+    /// come out of a body brighter than it went in.
+    #[inline(always)]
+    fn straight_eta(_params: &Self::Params, _wo: Vec3s) -> F32s {
+        F32s::splat(1.0)
+    }
 
     /// Both directions that light goes on in, for materials that split it in two.
     #[inline(always)]
@@ -83,17 +97,20 @@ pub enum MaterialKind {
     Dielectric,
     /// [`Phong`].
     Phong,
+    /// [`Glossy`].
+    Glossy,
 }
 
 impl MaterialKind {
     /// Every kind.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Black,
         Self::Lambertian,
         Self::OrenNayar,
         Self::Mirror,
         Self::Dielectric,
         Self::Phong,
+        Self::Glossy,
     ];
 
     /// Number of kinds.
@@ -108,6 +125,7 @@ impl MaterialKind {
             Self::Mirror => "mirror",
             Self::Dielectric => "dielectric",
             Self::Phong => "Phong",
+            Self::Glossy => "glossy",
         }
     }
 
@@ -120,6 +138,7 @@ impl MaterialKind {
             Self::Mirror => Mirror::SPECULAR,
             Self::Dielectric => Dielectric::SPECULAR,
             Self::Phong => Phong::SPECULAR,
+            Self::Glossy => Glossy::SPECULAR,
         }
     }
 }
@@ -160,6 +179,15 @@ pub enum MaterialSpec {
         /// n, in [0, 1e6].
         exponent: f32,
     },
+    /// See [`Glossy`].
+    Glossy {
+        /// Albedo of the diffuse part; `diffuse` + `specular` ≤ 1.
+        diffuse: [f32; 3],
+        /// Weight of the lobe.
+        specular: [f32; 3],
+        /// n, in [0, 1e6].
+        exponent: f32,
+    },
 }
 
 impl MaterialSpec {
@@ -172,6 +200,7 @@ impl MaterialSpec {
             Self::Mirror { .. } => MaterialKind::Mirror,
             Self::Dielectric { .. } => MaterialKind::Dielectric,
             Self::Phong { .. } => MaterialKind::Phong,
+            Self::Glossy { .. } => MaterialKind::Glossy,
         }
     }
 }
@@ -182,6 +211,8 @@ pub struct MaterialTable {
     kinds: Vec<MaterialKind>,
     /// RGB.
     reflectance: [Table<f32>; 3],
+    /// RGB of a second lobe, up to the last material that has one.
+    specular: [Table<f32>; 3],
     /// Two numbers whose meaning the kind decides; each material's file says which.
     parameters: [Table<f32>; 2],
 }
@@ -207,6 +238,17 @@ impl MaterialTable {
                 reflectance,
                 exponent,
             } => (reflectance, [exponent, 0.0]),
+            MaterialSpec::Glossy {
+                diffuse,
+                specular,
+                exponent,
+            } => {
+                for (column, value) in self.specular.iter_mut().zip(specular) {
+                    (column.len()..self.kinds.len()).for_each(|_| column.push(0.0));
+                    column.push(value);
+                }
+                (diffuse, [exponent, 0.0])
+            }
         };
         let index = u32::try_from(self.kinds.len()).expect("materials are counted in 32 bits");
         self.kinds.push(spec.kind());
@@ -237,6 +279,14 @@ impl MaterialTable {
     /// Bytes held by the columns.
     pub fn bytes(&self) -> usize {
         self.len() * (size_of::<MaterialKind>() + 5 * size_of::<f32>())
+            + 3 * self.specular[0].len() * size_of::<f32>()
+    }
+
+    /// Weight of the second lobe per lane; some material must have one.
+    #[inline(always)]
+    fn specular(&self, material: U32s) -> Vec3s {
+        let [r, g, b] = &self.specular;
+        Vec3s::new(r.get(material), g.get(material), b.get(material))
     }
 
     /// Reflectance parameter per lane, whatever the kind: 0 for black, 1 for a dielectric.

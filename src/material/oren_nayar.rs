@@ -69,6 +69,11 @@ impl Material for OrenNayar {
     }
 
     #[inline(always)]
+    fn tint(params: &mut Self::Params, by: Vec3s) {
+        params.reflectance = params.reflectance.mul_elem(by);
+    }
+
+    #[inline(always)]
     fn eval(params: &OrenNayarParams, wo: Vec3s, wi: Vec3s) -> (Vec3s, F32s) {
         let pdf = cosine_hemisphere_pdf(wi.z.fast_max(F32s::splat(0.0)));
         let shape = params.b.mul_add(azimuthal_term(wo, wi), params.a);

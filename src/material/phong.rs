@@ -40,6 +40,40 @@ pub struct PhongParams {
     pub exponent: F32s,
 }
 
+/// cosⁿα/(2π) of the directions; 0 for α ≥ 90° and below the surface.
+#[inline(always)]
+pub(super) fn lobe(n: F32s, wo: Vec3s, wi: Vec3s) -> F32s {
+    let (zero, one) = (F32s::splat(0.0), F32s::splat(1.0));
+    let delta = (wi - reflect(wo)).length_squared() * F32s::splat(0.5);
+    let inside = delta.lt(one) & wi.z.gt(zero);
+    let power = exp2_nonpositive(n * log2_one_minus(inside.select(delta, zero)));
+    inside.select(power * F32s::splat(0.5 / PI), zero)
+}
+
+/// A direction of the lobe, which may lie below the surface.
+pub(super) struct LobeSample {
+    /// Unit length.
+    pub(super) wi: Vec3s,
+    /// cos α.
+    pub(super) cos: F32s,
+    /// 1/(n + 1).
+    pub(super) inverse: F32s,
+}
+
+/// A direction with density (n + 1)/(2π)·cosⁿα.
+#[inline(always)]
+pub(super) fn sample_lobe(n: F32s, wo: Vec3s, u: [F32s; 2]) -> LobeSample {
+    let one = F32s::splat(1.0);
+    let inverse = one / (n + one);
+    // cos^(n + 1) α = 1 − u₁, so cos α = 2^(log₂(1 − u₁)/(n + 1)).
+    let (cos, delta) = exp2_and_complement(log2_one_minus(u[0]) * inverse);
+    let sin = (delta * (one + cos)).sqrt();
+    let (sin_phi, cos_phi) = sin_cos_turns(u[1]);
+    let frame = Frame::from_normal(reflect(wo));
+    let wi = frame.to_world(Vec3s::new(sin * cos_phi, sin * sin_phi, cos));
+    LobeSample { wi, cos, inverse }
+}
+
 impl Material for Phong {
     const SPECULAR: bool = false;
     const KIND: MaterialKind = MaterialKind::Phong;
@@ -54,14 +88,15 @@ impl Material for Phong {
     }
 
     #[inline(always)]
+    fn tint(params: &mut Self::Params, by: Vec3s) {
+        params.reflectance = params.reflectance.mul_elem(by);
+    }
+
+    #[inline(always)]
     fn eval(params: &PhongParams, wo: Vec3s, wi: Vec3s) -> (Vec3s, F32s) {
-        let (zero, one) = (F32s::splat(0.0), F32s::splat(1.0));
         let n = params.exponent;
-        let delta = (wi - reflect(wo)).length_squared() * F32s::splat(0.5);
-        let inside = delta.lt(one) & wi.z.gt(zero);
-        let power = exp2_nonpositive(n * log2_one_minus(inside.select(delta, zero)));
-        let scaled = inside.select(power * F32s::splat(0.5 / PI), zero);
-        let pdf = (n + one) * scaled;
+        let scaled = lobe(n, wo, wi);
+        let pdf = (n + F32s::splat(1.0)) * scaled;
         (
             params.reflectance * ((n + F32s::splat(2.0)) * scaled * wi.z),
             pdf,
@@ -72,13 +107,7 @@ impl Material for Phong {
     fn sample(params: &PhongParams, wo: Vec3s, u: [F32s; 3]) -> BsdfSample {
         let one = F32s::splat(1.0);
         let n = params.exponent;
-        let inverse = one / (n + one);
-        // cos^(n + 1) α = 1 − u₁, so cos α = 2^(log₂(1 − u₁)/(n + 1)).
-        let (cos, delta) = exp2_and_complement(log2_one_minus(u[0]) * inverse);
-        let sin = (delta * (one + cos)).sqrt();
-        let (sin_phi, cos_phi) = sin_cos_turns(u[1]);
-        let lobe = Frame::from_normal(reflect(wo));
-        let wi = lobe.to_world(Vec3s::new(sin * cos_phi, sin * sin_phi, cos));
+        let LobeSample { wi, cos, inverse } = sample_lobe(n, wo, [u[0], u[1]]);
         let valid: Mask = wi.z.gt(F32s::splat(0.0));
         BsdfSample {
             wi,

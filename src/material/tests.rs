@@ -43,6 +43,14 @@ fn phong(exponent: f32) -> PhongParams {
     })
 }
 
+fn glossy(diffuse: f32, specular: f32, exponent: f32) -> GlossyParams {
+    params::<Glossy>(MaterialSpec::Glossy {
+        diffuse: [diffuse; 3],
+        specular: [specular; 3],
+        exponent,
+    })
+}
+
 fn dielectric(ior: f32, fresnel: FresnelFormula) -> DielectricParams {
     params::<Dielectric>(MaterialSpec::Dielectric { ior, fresnel })
 }
@@ -243,6 +251,139 @@ fn phong_albedo_is_that_of_the_table() {
     }
 }
 
+/// Weights of the diffuse part and the lobe.
+const MIXTURES: [[f32; 2]; 4] = [[0.5, 0.5], [0.9, 0.05], [0.0, 1.0], [0.3, 0.0]];
+
+#[test]
+fn glossy_samples_follow_the_density_of_both_parts() {
+    // Bins of the hemisphere resolve lobes of these exponents.
+    for exponent in [0.0, 1.0, 10.0] {
+        for [diffuse, specular] in MIXTURES {
+            for angle in ANGLES {
+                let what = format!("glossy {diffuse} + {specular}, n = {exponent}, {angle}°");
+                let p = glossy(diffuse, specular, exponent);
+                let wo = outgoing(angle);
+                // Its samples are evaluated as any direction is: rounding of wi changes nothing.
+                let s = sample_many::<Glossy>(&p, wo, &hemisphere(), 0.0, &what);
+                assert!(s.integral < 1.0 + 1e-4, "{what}: {}", s.integral);
+                // What is missing is the part of the lobe below the surface. For n = 0 that is a lune
+                // of known size, on whose edge the density jumps, which quadrature sees to a bin.
+                let (above, tolerance) = if exponent == 0.0 {
+                    (1.0 - angle / 180.0, 1e-3)
+                } else {
+                    let pdf = |wi| Phong::eval(&phong(exponent), splat(wo), wi).1;
+                    (hemisphere().total(&pdf), 2e-4)
+                };
+                let share = f64::from(specular / (diffuse + specular));
+                let expected = 1.0 - share + share * above;
+                assert!(
+                    (s.integral - expected).abs() < tolerance,
+                    "{what}: {}",
+                    s.integral
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn glossy_is_the_sum_of_its_parts_and_reflects_their_albedos() {
+    for exponent in EXPONENTS {
+        for [diffuse, specular] in MIXTURES {
+            let (both, lobe) = (glossy(diffuse, specular, exponent), phong(exponent));
+            let mut random = Uniform::new(31);
+            for angle in ANGLES {
+                let wo = outgoing(angle);
+                let mut difference = Mean::default();
+                for _ in 0..20_000 / LANES {
+                    let u = [random.lanes(), random.lanes(), random.lanes()];
+                    let s = Glossy::sample(&both, splat(wo), u);
+                    let wi = if s.valid.any() { s.wi } else { splat(wo) };
+                    let value = first(Glossy::eval(&both, splat(wo), wi).0.x);
+                    let parts = f64::from(diffuse)
+                        * first(Lambertian::eval(&lambertian(), splat(wo), wi).0.x)
+                        + f64::from(specular) * first(Phong::eval(&lobe, splat(wo), wi).0.x);
+                    assert!(
+                        (value - parts).abs() <= 1e-6 * parts + 1e-30,
+                        "{value}, {parts}"
+                    );
+                    // Its weights against those of its parts, on the same numbers.
+                    let matte = Lambertian::sample(&lambertian(), splat(wo), u);
+                    let gloss = Phong::sample(&lobe, splat(wo), u);
+                    for lane in 0..LANES {
+                        let weight = |s: &BsdfSample| {
+                            let weight = f64::from(s.weight.x.to_array()[lane]);
+                            if s.valid.test(lane) { weight } else { 0.0 }
+                        };
+                        // No weight is large: the greater albedo of the two over its own share.
+                        assert!(weight(&s) <= 2.0 * f64::from(diffuse + specular) + 1e-5);
+                        let parts = f64::from(diffuse) * weight(&matte)
+                            + f64::from(specular) * weight(&gloss);
+                        // About 1, so that rounding is relative to all of the light.
+                        difference.add(1.0 + weight(&s) - parts);
+                    }
+                }
+                let what = format!("glossy {diffuse} + {specular}, n = {exponent}, {angle}°");
+                difference.check(1.0, &what);
+            }
+        }
+    }
+}
+
+#[test]
+fn textures_tint_reflectance_and_the_diffuse_part_of_glossy_surfaces() {
+    let by = Vec3s::splat([0.5, 0.25, 0.0]);
+    fn tinted<M: Material>(spec: MaterialSpec, by: Vec3s) -> M::Params {
+        let mut p = params::<M>(spec);
+        M::tint(&mut p, by);
+        p
+    }
+    let reflectance = [0.8, 0.4, 0.2];
+    let expected = Vec3s::splat(reflectance).mul_elem(by).to_lanes()[0];
+    let spec = MaterialSpec::Lambertian { reflectance };
+    assert_eq!(
+        tinted::<Lambertian>(spec, by).reflectance.to_lanes()[0],
+        expected
+    );
+    let spec = MaterialSpec::OrenNayar {
+        reflectance,
+        sigma: 0.3,
+    };
+    assert_eq!(
+        tinted::<OrenNayar>(spec, by).reflectance.to_lanes()[0],
+        expected
+    );
+    let spec = MaterialSpec::Mirror { reflectance };
+    assert_eq!(
+        tinted::<Mirror>(spec, by).reflectance.to_lanes()[0],
+        expected
+    );
+    let spec = MaterialSpec::Phong {
+        reflectance,
+        exponent: 3.0,
+    };
+    assert_eq!(
+        tinted::<Phong>(spec, by).reflectance.to_lanes()[0],
+        expected
+    );
+    let p = tinted::<Glossy>(
+        MaterialSpec::Glossy {
+            diffuse: reflectance,
+            specular: [0.1; 3],
+            exponent: 3.0,
+        },
+        by,
+    );
+    assert_eq!(p.diffuse.to_lanes()[0], expected);
+    assert_eq!(p.specular.to_lanes()[0], [0.1f32; 3].map(f64::from));
+    let clear = dielectric(1.5, FresnelFormula::Exact);
+    let spec = MaterialSpec::Dielectric {
+        ior: 1.5,
+        fresnel: FresnelFormula::Exact,
+    };
+    assert_eq!(first(tinted::<Dielectric>(spec, by).ior), first(clear.ior));
+}
+
 #[test]
 fn zero_spread_is_lambertian_to_the_last_bit() {
     let mut random = Uniform::new(21);
@@ -371,6 +512,7 @@ fn reflection_is_reciprocal() {
     }
     for exponent in [0.0, 1.0, 10.0, 100.0] {
         check_reciprocity::<Phong>(&phong(exponent), 1e-6, "Phong");
+        check_reciprocity::<Glossy>(&glossy(0.4, 0.6, exponent), 1e-6, "glossy");
     }
 }
 
@@ -389,6 +531,8 @@ fn reflecting_materials_are_dark_below_the_surface() {
     check::<OrenNayar>(&oren_nayar(0.5));
     check::<Phong>(&phong(0.0));
     check::<Phong>(&phong(50.0));
+    check::<Glossy>(&glossy(0.4, 0.6, 0.0));
+    check::<Glossy>(&glossy(0.0, 0.6, 50.0));
 }
 
 #[test]
@@ -600,6 +744,10 @@ fn samples_are_sound_at_the_ends_of_the_unit_interval() {
     }
     for exponent in EXPONENTS {
         check_ends::<Phong>(&phong(exponent), &[1.0], "Phong");
+        for [diffuse, specular] in MIXTURES {
+            check_ends::<Glossy>(&glossy(diffuse, specular, exponent), &[1.0], "glossy");
+        }
+        check_ends::<Glossy>(&glossy(0.0, 0.0, exponent), &[1.0], "black glossy");
     }
     for formula in [FresnelFormula::Exact, FresnelFormula::Schlick] {
         for ior in [1.0, 1.5, 0.7] {

@@ -28,6 +28,8 @@ pub(super) enum Lobe {
     OrenNayar(DVec3, f64, f64),
     /// Reflectance and exponent.
     Phong(DVec3, f64),
+    /// Reflectance by Lambert's law, that of a Phong lobe, and its exponent.
+    Glossy(DVec3, DVec3, f64),
 }
 
 impl Bsdf {
@@ -47,9 +49,14 @@ impl Bsdf {
                 reflectance,
                 exponent,
             } => (Self::Lobe(Lobe::Phong(reflectance, exponent)), reflectance),
-            BsdfDescription::Glossy { diffuse, .. } => {
-                (Self::Lobe(Lobe::OrenNayar(diffuse, 1.0, 0.0)), diffuse)
-            }
+            BsdfDescription::Glossy {
+                diffuse,
+                specular,
+                exponent,
+            } => (
+                Self::Lobe(Lobe::Glossy(diffuse, specular, exponent)),
+                diffuse + specular,
+            ),
             BsdfDescription::Mirror { reflectance } => {
                 (Self::Specular(Specular::Mirror(reflectance)), reflectance)
             }
@@ -62,6 +69,25 @@ impl Bsdf {
             }
         };
         (reflectance != DVec3::ZERO).then_some(bsdf)
+    }
+
+    /// The same under a texture of this colour; of a glossy surface, the diffuse part.
+    pub(super) fn tinted(self, colour: DVec3) -> Self {
+        match self {
+            Self::Lobe(Lobe::OrenNayar(reflectance, a, b)) => {
+                Self::Lobe(Lobe::OrenNayar(reflectance * colour, a, b))
+            }
+            Self::Lobe(Lobe::Phong(reflectance, exponent)) => {
+                Self::Lobe(Lobe::Phong(reflectance * colour, exponent))
+            }
+            Self::Lobe(Lobe::Glossy(diffuse, specular, exponent)) => {
+                Self::Lobe(Lobe::Glossy(diffuse * colour, specular, exponent))
+            }
+            Self::Specular(Specular::Mirror(reflectance)) => {
+                Self::Specular(Specular::Mirror(reflectance * colour))
+            }
+            Self::Specular(Specular::Dielectric(_)) => self,
+        }
     }
 }
 
@@ -88,6 +114,10 @@ impl Lobe {
                 }
                 reflectance * ((exponent + 2.0) / TAU * cos_alpha.powf(exponent))
             }
+            Self::Glossy(diffuse, specular, exponent) => {
+                let [matte, gloss] = parts(diffuse, specular, exponent);
+                matte.eval(normal, wo, wi) + gloss.eval(normal, wo, wi)
+            }
         }
     }
 
@@ -102,20 +132,26 @@ impl Lobe {
                 }
                 (exponent + 1.0) / TAU * cos_alpha.powf(exponent)
             }
+            Self::Glossy(diffuse, specular, exponent) => {
+                let [matte, gloss] = parts(diffuse, specular, exponent);
+                let share = gloss_share(diffuse, specular);
+                matte.pdf(normal, wo, wi) * (1.0 - share) + gloss.pdf(normal, wo, wi) * share
+            }
         }
     }
 
     /// A direction and its weight, BSDF × cosine / pdf. The weight is zero below the horizon,
     /// where the Phong lobe may reach.
     pub(super) fn sample(&self, normal: DVec3, wo: DVec3, random: &mut Random) -> (DVec3, DVec3) {
-        let u = random.next_2d();
         match *self {
             Self::OrenNayar(..) => {
+                let u = random.next_2d();
                 let wi = cosine_hemisphere(normal, u);
                 // The cosine cancels against that of the pdf, 1/π remains.
                 (wi, self.eval(normal, wo, wi) / FRAC_1_PI)
             }
             Self::Phong(reflectance, exponent) => {
+                let u = random.next_2d();
                 // ln(1 − u) is exact where cos α is next to 1, at large exponents.
                 let log_cos_alpha = (-u[0]).ln_1p() / (exponent + 1.0);
                 let sin_alpha = (-(2.0 * log_cos_alpha).exp_m1()).sqrt();
@@ -127,7 +163,42 @@ impl Lobe {
                     reflectance * ((exponent + 2.0) / (exponent + 1.0) * cos_i),
                 )
             }
+            Self::Glossy(diffuse, specular, exponent) => {
+                let [matte, gloss] = parts(diffuse, specular, exponent);
+                let chosen = if random.next() < gloss_share(diffuse, specular) {
+                    gloss
+                } else {
+                    matte
+                };
+                let (wi, _) = chosen.sample(normal, wo, random);
+                // The density of either part, whichever drew the direction.
+                let pdf = self.pdf(normal, wo, wi);
+                let cos_over_pdf = if pdf > 0.0 {
+                    normal.dot(wi).max(0.0) / pdf
+                } else {
+                    0.0
+                };
+                (wi, self.eval(normal, wo, wi) * cos_over_pdf)
+            }
         }
+    }
+}
+
+/// The diffuse and the specular part of a glossy surface.
+fn parts(diffuse: DVec3, specular: DVec3, exponent: f64) -> [Lobe; 2] {
+    [
+        Lobe::OrenNayar(diffuse, 1.0, 0.0),
+        Lobe::Phong(specular, exponent),
+    ]
+}
+
+/// Probability of sampling the specular part: its share of the mean reflectance.
+fn gloss_share(diffuse: DVec3, specular: DVec3) -> f64 {
+    let total = (diffuse + specular).element_sum();
+    if total > 0.0 {
+        specular.element_sum() / total
+    } else {
+        0.0
     }
 }
 
@@ -149,12 +220,14 @@ pub(super) fn mirrored(normal: DVec3, wo: DVec3) -> DVec3 {
 mod tests {
     use super::*;
 
-    const LOBES: [Lobe; 5] = [
+    const LOBES: [Lobe; 7] = [
         Lobe::OrenNayar(DVec3::ONE, 1.0, 0.0),
         Lobe::OrenNayar(DVec3::ONE, 0.5, 0.45),
         Lobe::Phong(DVec3::ONE, 0.0),
         Lobe::Phong(DVec3::ONE, 3.0),
         Lobe::Phong(DVec3::ONE, 40.0),
+        Lobe::Glossy(DVec3::new(0.5, 0.3, 0.1), DVec3::splat(0.4), 20.0),
+        Lobe::Glossy(DVec3::ZERO, DVec3::ONE, 3.0),
     ];
 
     fn at_degrees(degrees: f64, phi: f64) -> DVec3 {

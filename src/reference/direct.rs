@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::appearance::same_side;
 use super::bsdf::{Bsdf, Lobe};
 use super::light::{LightSample, Vertex};
 use super::primitives::Ray;
@@ -44,6 +45,9 @@ impl Reference {
         let Some(light) = self.lights.sample(vertex, random) else {
             return DVec3::ZERO;
         };
+        if !same_side(vertex.face, vertex.normal, light.direction) {
+            return DVec3::ZERO;
+        }
         let value = lobe.eval(vertex.normal, wo, light.direction);
         if value == DVec3::ZERO {
             return DVec3::ZERO;
@@ -71,12 +75,11 @@ impl Reference {
         let open = self
             .primitives
             .all_pass(&ray, light.distance, |primitive, t| {
-                let Some(Bsdf::Specular(Specular::Dielectric(glass))) =
-                    self.surfaces[primitive].bsdf
-                else {
+                let surface = &self.surfaces[primitive];
+                let Some(Bsdf::Specular(Specular::Dielectric(glass))) = surface.bsdf else {
                     return false;
                 };
-                if !self.transparent_shadows {
+                if !self.transparent_shadows || !surface.is_opaque() {
                     return false;
                 }
                 let normal = self

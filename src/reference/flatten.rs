@@ -1,14 +1,15 @@
 //! From the scene as written to flat tables.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
+use super::appearance::Corners;
 use super::bsdf::Bsdf;
 use super::light::{AreaLight, Light, Lights};
 use super::primitives::Primitives;
 use crate::error::{Error, Result};
 use crate::scene::{
     EmissionDescription, MaterialDescription, MaterialId, Mesh, SceneDescription, ShapeDescription,
-    ShapeGeometry,
+    ShapeGeometry, TextureId,
 };
 
 /// Everything that a renderer looks up.
@@ -26,12 +27,27 @@ pub(super) struct Tables {
 pub(super) struct Surface {
     /// `None` absorbs everything.
     pub(super) bsdf: Option<Bsdf>,
+    /// What its corners have.
+    pub(super) corners: Corners,
+    /// Multiplies the reflectance.
+    pub(super) reflectance_texture: Option<TextureId>,
+    /// Share of the light that meets the surface, in [0, 1]; the rest goes straight on.
+    pub(super) opacity: f64,
+    /// Multiplies the opacity.
+    pub(super) opacity_texture: Option<TextureId>,
     /// `None` is black.
     pub(super) emission: Option<EmissionDescription>,
     /// The light that it is, if shadow rays look for it.
     pub(super) light: Option<usize>,
     /// Bound of the distance between a computed point and the surface, in scene units.
     pub(super) position_error: f64,
+}
+
+impl Surface {
+    /// Whether nothing goes straight on anywhere on it.
+    pub(super) fn is_opaque(&self) -> bool {
+        self.opacity >= 1.0 && self.opacity_texture.is_none()
+    }
 }
 
 /// Flattens a scene. Shadow rays look for point lights and, if `samples_surfaces`, for emissive
@@ -124,20 +140,48 @@ impl Flattener<'_> {
                 .copied()
                 .unwrap_or(shape.material);
             self.primitives.add_triangle(corners);
-            self.add_triangle_surface(shape, material, corners)?;
+            let attributes = self.corners(mesh, i);
+            self.add_triangle_surface(shape, material, corners, attributes)?;
         }
         Ok(())
     }
 
     fn add_quad(&mut self, shape: &ShapeDescription, [a, b, c, d]: [DVec3; 4]) -> Result<()> {
         self.primitives.add_quad([a, b, c, d]);
-        self.add_triangle_surface(shape, shape.material, [a, b, c])?;
-        self.add_triangle_surface(shape, shape.material, [a, c, d])
+        for corners in [[a, b, c], [a, c, d]] {
+            self.add_triangle_surface(shape, shape.material, corners, Corners::default())?;
+        }
+        Ok(())
+    }
+
+    /// What the corners of the last triangle, face `i` of `mesh`, have. A corner without a normal that
+    /// has a direction has that of the face; texture coordinates are there at all corners or at none.
+    fn corners(&self, mesh: &Mesh, i: usize) -> Corners {
+        let primitive = self.primitives.triangle_count() - 1;
+        let face = self.primitives.normal(primitive, DVec3::ZERO);
+        let normals = mesh.face_normals.get(i).and_then(|corners| {
+            let normals = corners.map(|normal| {
+                let normal = mesh.normals.get(normal as usize)?;
+                Vec3::from_array(*normal).as_dvec3().try_normalize()
+            });
+            let is_smooth = normals.iter().any(Option::is_some);
+            is_smooth.then(|| normals.map(|normal| normal.unwrap_or(face)))
+        });
+        let uvs = mesh.face_uvs.get(i).and_then(|corners| {
+            let [a, b, c] = corners.map(|uv| {
+                let uv = Vec2::from_array(*mesh.uvs.get(uv as usize)?).as_dvec2();
+                // Beyond 2^24 f32 has no fractions: such coordinates mean nothing.
+                let sound = |x: f64| if x.abs() <= 16_777_216.0 { x } else { 0.0 };
+                Some(DVec2::new(sound(uv.x), sound(uv.y)))
+            });
+            Some([a?, b?, c?])
+        });
+        Corners { normals, uvs }
     }
 
     fn add_sphere(&mut self, shape: &ShapeDescription, center: DVec3, radius: f64) -> Result<()> {
         self.primitives.add_sphere(center, radius);
-        let surface = self.surface(shape, shape.material)?;
+        let surface = self.surface(shape, shape.material, Corners::default())?;
         let patch = self.primitives.patch(self.surfaces.len());
         self.add_surface(surface, |emission| {
             AreaLight::sphere(center, radius, emission, patch, surface.position_error)
@@ -150,8 +194,9 @@ impl Flattener<'_> {
         shape: &ShapeDescription,
         material: MaterialId,
         corners: [DVec3; 3],
+        attributes: Corners,
     ) -> Result<()> {
-        let surface = self.surface(shape, material)?;
+        let surface = self.surface(shape, material, attributes)?;
         let patch = self.primitives.patch(self.surfaces.len());
         self.add_surface(surface, |emission| {
             AreaLight::triangle(corners, emission, patch, surface.position_error)
@@ -160,7 +205,12 @@ impl Flattener<'_> {
     }
 
     /// The surface of the next primitive, which is in `primitives` already.
-    fn surface(&self, shape: &ShapeDescription, material: MaterialId) -> Result<Surface> {
+    fn surface(
+        &self,
+        shape: &ShapeDescription,
+        material: MaterialId,
+        corners: Corners,
+    ) -> Result<Surface> {
         let Some(material) = self.materials.get(material.0 as usize) else {
             let message = format!(
                 "shape {:?} has no material number {}",
@@ -170,6 +220,10 @@ impl Flattener<'_> {
         };
         Ok(Surface {
             bsdf: Bsdf::new(&material.bsdf),
+            corners,
+            reflectance_texture: material.reflectance_texture,
+            opacity: material.opacity,
+            opacity_texture: material.opacity_texture,
             emission: material
                 .emission
                 .filter(|emission| emission.radiance != DVec3::ZERO),

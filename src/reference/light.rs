@@ -18,10 +18,12 @@ use crate::scene::EmissionDescription;
 /// A point on a surface as seen by light.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Vertex {
-    /// Just outside of the surface's rounding error, on the side of `normal`.
+    /// Just outside of the surface's rounding error, on the side from where the path came.
     pub(super) point: DVec3,
-    /// Unit normal on the side from where the path came.
+    /// Unit shading normal on the side from where the path came.
     pub(super) normal: DVec3,
+    /// Unit geometric normal on that side.
+    pub(super) face: DVec3,
     /// The patch that it lies on.
     pub(super) patch: PatchId,
 }
@@ -321,6 +323,7 @@ mod tests {
         Vertex {
             point,
             normal: DVec3::Z,
+            face: DVec3::Z,
             patch: PatchId::NONE,
         }
     }
@@ -479,11 +482,13 @@ mod tests {
         let outside = Vertex {
             point: DVec3::Z * (1.0 + 1e-14),
             normal: DVec3::Z,
+            face: DVec3::Z,
             patch,
         };
         let inside = Vertex {
             point: DVec3::Z * (1.0 - 1e-14),
             normal: -DVec3::Z,
+            face: -DVec3::Z,
             patch,
         };
         assert!(lights.sample(&outside, &mut random).is_none());

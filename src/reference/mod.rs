@@ -8,6 +8,11 @@
 //!   the path goes on, both as segment n + 1, while that is within the depth limit.
 //! - Surfaces scatter on both sides. The geometric normal matters for glass, which it points out
 //!   of, and for one-sided emission.
+//! - Shading normals, between those of a triangle's corners, turn the frame of the BSDF alone. What
+//!   would be scattered to one side of the surface and to the other of its shading normal is absorbed.
+//! - With the opacity as its probability light meets a surface; else the path goes straight on as if
+//!   there were none, and counts a segment. Emission is not reduced. Shadow rays are blocked by what
+//!   is not fully opaque, which is why light found straight on counts in full.
 //! - Radiance that crosses into glass is scaled by the squared ratio of the refraction indices.
 //! - Russian roulette ends paths from a chosen depth on, whatever scatters.
 //! - With transparent shadows a shadow ray goes straight through glass and loses at each crossing
@@ -19,6 +24,7 @@
 //! independent from those of the wavefront: the expectation of the picture is the same, and two
 //! pictures can be compared by statistics.
 
+mod appearance;
 mod bsdf;
 mod direct;
 mod flatten;
@@ -32,12 +38,15 @@ mod whitted;
 
 use glam::DVec3;
 
+use self::appearance::Appearance;
 use self::flatten::{Surface, Tables};
 use self::light::{Lights, Vertex};
 use self::primitives::{Hit, POSITION_ERROR, PatchId, Primitives, Ray};
 use self::random::Random;
 use crate::error::{Error, Result};
-use crate::scene::{IntegratorKind, RenderSettings, SceneDescription, Strategy};
+use crate::scene::{
+    IntegratorKind, RenderSettings, SceneDescription, Strategy, TextureDescription,
+};
 
 /// Largest survival probability of roulette: even between perfect mirrors a path ends some time.
 const MAX_SURVIVAL: f64 = 0.99;
@@ -51,6 +60,7 @@ pub struct Reference {
     primitives: Primitives,
     /// One per primitive.
     surfaces: Vec<Surface>,
+    textures: Vec<TextureDescription>,
     background: DVec3,
     lights: Lights,
     /// The light that is the background, if shadow rays look for it.
@@ -113,6 +123,7 @@ impl Reference {
             resolution: [width, height],
             primitives,
             surfaces,
+            textures: scene.textures.clone(),
             background: scene.background,
             lights,
             background_light,
@@ -172,13 +183,23 @@ impl Reference {
         self.primitives.closest(ray)
     }
 
-    /// A hit as seen by light, on the side that a ray of this direction came from.
-    fn vertex(&self, hit: &Hit, direction: DVec3) -> Vertex {
-        let facing = -hit.normal * direction.dot(hit.normal).signum();
-        let point = hit.position + facing * self.surfaces[hit.primitive].position_error;
+    /// How a ray of this direction sees what it hits.
+    fn appearance(&self, hit: &Hit, direction: DVec3) -> Appearance {
+        Appearance::new(
+            &self.surfaces[hit.primitive],
+            &self.textures,
+            hit,
+            direction,
+        )
+    }
+
+    /// A hit as seen by light.
+    fn vertex(&self, hit: &Hit, appearance: &Appearance) -> Vertex {
+        let error = self.surfaces[hit.primitive].position_error;
         Vertex {
-            point,
-            normal: facing,
+            point: hit.position + appearance.face * error,
+            normal: appearance.normal,
+            face: appearance.face,
             patch: hit.patch,
         }
     }
@@ -264,6 +285,7 @@ mod tests {
             point_lights: Vec::new(),
             background: DVec3::ZERO,
             render: RenderDefaults::default(),
+            mesh_files: Vec::new(),
             warnings: Vec::new(),
         };
         let reference = Reference::new(&scene, 0, 1, 1000, &RenderSettings::default())

@@ -44,45 +44,65 @@ impl Reference {
                 let share = self.share(&emission_weight, surface.light, &ray, Some(&hit));
                 radiance += throughput * emitted(emission, hit.normal, ray.direction) * share;
             }
-            let Some(bsdf) = &surface.bsdf else {
+            if surface.bsdf.is_none() && surface.is_opaque() {
                 return radiance;
-            };
+            }
             if depth == self.max_depth {
                 counts.truncated += 1;
                 return radiance;
             }
 
-            let direction = match bsdf {
-                Bsdf::Lobe(lobe) => {
-                    let vertex = self.vertex(&hit, ray.direction);
-                    let wo = -ray.direction;
-                    let shares = self.strategy == Strategy::Mis;
-                    radiance +=
-                        throughput * self.direct_light(&vertex, lobe, wo, shares, random, counts);
-                    let (wi, weight) = lobe.sample(vertex.normal, wo, random);
-                    throughput *= weight;
-                    emission_weight = match self.strategy {
-                        Strategy::Mis => {
-                            EmissionWeight::Shared(vertex, lobe.pdf(vertex.normal, wo, wi))
+            let appearance = self.appearance(&hit, ray.direction);
+            let direction = if appearance.opacity < 1.0 && random.next() >= appearance.opacity {
+                // Shadow rays from before did not come through, so what is found now counts.
+                emission_weight = EmissionWeight::Full;
+                let straight = Bsdf::straight(surface.bsdf.as_ref(), ray.direction, hit.normal);
+                throughput *= straight.weight;
+                eta_scale *= straight.eta;
+                ray.direction
+            } else {
+                match &appearance.bsdf {
+                    None => return radiance,
+                    Some(Bsdf::Lobe(lobe)) => {
+                        let vertex = self.vertex(&hit, &appearance);
+                        let wo = -ray.direction;
+                        let shares = self.strategy == Strategy::Mis;
+                        let direct = self.direct_light(&vertex, lobe, wo, shares, random, counts);
+                        radiance += throughput * direct;
+                        let (wi, weight) = lobe.sample(vertex.normal, wo, random);
+                        throughput *= weight;
+                        emission_weight = match self.strategy {
+                            Strategy::Mis => {
+                                EmissionWeight::Shared(vertex, lobe.pdf(vertex.normal, wo, wi))
+                            }
+                            Strategy::Nee => EmissionWeight::Zero,
+                            Strategy::Bsdf => EmissionWeight::Full,
+                        };
+                        if !appearance.same_side(wi) {
+                            return radiance;
                         }
-                        Strategy::Nee => EmissionWeight::Zero,
-                        Strategy::Bsdf => EmissionWeight::Full,
-                    };
-                    wi
-                }
-                Bsdf::Specular(specular) => {
-                    let branch = specular.split(ray.direction, hit.normal).choose(random);
-                    throughput *= branch.weight;
-                    eta_scale *= branch.eta;
-                    emission_weight = match emission_weight {
-                        EmissionWeight::Shared(..) | EmissionWeight::Zero
-                            if self.transparent_shadows && branch.is_refracted =>
-                        {
-                            EmissionWeight::Zero
+                        wi
+                    }
+                    Some(Bsdf::Specular(specular)) => {
+                        let outward = appearance.outward(&hit);
+                        let branch = specular.split(ray.direction, outward).choose(random);
+                        throughput *= branch.weight;
+                        eta_scale *= branch.eta;
+                        emission_weight = match emission_weight {
+                            EmissionWeight::Shared(..) | EmissionWeight::Zero
+                                if self.transparent_shadows
+                                    && branch.is_refracted
+                                    && surface.is_opaque() =>
+                            {
+                                EmissionWeight::Zero
+                            }
+                            _ => EmissionWeight::Full,
+                        };
+                        if !appearance.same_side(branch.direction) {
+                            return radiance;
                         }
-                        _ => EmissionWeight::Full,
-                    };
-                    branch.direction
+                        branch.direction
+                    }
                 }
             };
 

@@ -46,6 +46,8 @@ pub(super) struct Hit {
     pub(super) position: DVec3,
     /// Unit geometric normal; along (b − a) × (c − a), or outward.
     pub(super) normal: DVec3,
+    /// Barycentric coordinates of b and c on a triangle.
+    pub(super) barycentrics: [f64; 2],
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -158,6 +160,11 @@ impl Primitives {
         self.spheres.push(Sphere { center, radius });
     }
 
+    /// Number of triangles.
+    pub(super) fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
     /// The patch that a primitive belongs to.
     pub(super) fn patch(&self, primitive: usize) -> PatchId {
         match self.triangles.get(primitive) {
@@ -249,6 +256,7 @@ impl Primitives {
             patch,
             position,
             normal,
+            barycentrics: [u, v],
         })
     }
 

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::bsdf::Bsdf;
 use super::random::Random;
 use crate::scene::Fresnel;
 
@@ -46,7 +47,8 @@ pub(super) struct Branch {
 }
 
 impl Specular {
-    /// Splits a ray of unit `direction` at a point with unit geometric `normal`.
+    /// Splits a ray of unit `direction` at a point with unit shading `normal`, on the
+    /// geometric normal's side.
     pub(super) fn split(&self, direction: DVec3, normal: DVec3) -> Split {
         match self {
             Self::Mirror(reflectance) => Split {
@@ -58,6 +60,26 @@ impl Specular {
                 refracted: None,
             },
             Self::Dielectric(dielectric) => dielectric.split(direction, normal),
+        }
+    }
+}
+
+impl Bsdf {
+    /// The ray itself, where it meets a point with unit `normal` as if there were no surface; it keeps
+    /// the scale of radiance on either side of the boundary of glass.
+    pub(super) fn straight(bsdf: Option<&Self>, direction: DVec3, normal: DVec3) -> Branch {
+        let eta = match bsdf {
+            Some(Self::Specular(Specular::Dielectric(glass))) if direction.dot(normal) < 0.0 => {
+                glass.ior
+            }
+            Some(Self::Specular(Specular::Dielectric(glass))) => 1.0 / glass.ior,
+            _ => 1.0,
+        };
+        Branch {
+            direction,
+            weight: DVec3::splat(1.0 / (eta * eta)),
+            eta,
+            is_refracted: false,
         }
     }
 }

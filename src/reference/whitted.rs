@@ -56,24 +56,36 @@ impl Reference {
             if let Some(emission) = &surface.emission {
                 radiance += path.throughput * emitted(emission, hit.normal, direction);
             }
-            let Some(bsdf) = &surface.bsdf else {
+            if surface.bsdf.is_none() && surface.is_opaque() {
                 return radiance;
-            };
+            }
             if path.depth == self.max_depth {
                 counts.truncated += 1;
                 return radiance;
             }
 
-            let specular = match bsdf {
-                Bsdf::Lobe(lobe) => {
-                    let vertex = self.vertex(&hit, direction);
+            let appearance = self.appearance(&hit, direction);
+            if appearance.opacity < 1.0 && random.next() >= appearance.opacity {
+                let straight = Bsdf::straight(surface.bsdf.as_ref(), direction, hit.normal);
+                path = self.extend(&path, &hit, &straight, 1.0, random);
+                continue;
+            }
+            let specular = match &appearance.bsdf {
+                None => return radiance,
+                Some(Bsdf::Lobe(lobe)) => {
+                    let vertex = self.vertex(&hit, &appearance);
                     let direct =
                         self.direct_light(&vertex, lobe, -direction, false, random, counts);
                     return radiance + path.throughput * direct;
                 }
-                Bsdf::Specular(specular) => specular,
+                Some(Bsdf::Specular(specular)) => specular,
             };
-            let split = specular.split(direction, hit.normal);
+            let mut split = specular.split(direction, appearance.outward(&hit));
+            for branch in std::iter::once(&mut split.reflected).chain(&mut split.refracted) {
+                if !appearance.same_side(branch.direction) {
+                    branch.weight = DVec3::ZERO;
+                }
+            }
             path = match split.refracted {
                 Some(refracted) if path.splits < MAX_SPLITS && split.reflectance > 0.0 => {
                     path.splits += 1;

@@ -10,12 +10,13 @@ use crate::error::Result;
 /// Largest exponent of a Phong lobe, half a milliradian wide.
 const MAX_EXPONENT: f64 = 1e6;
 
-const TYPES: [&str; 7] = [
+const TYPES: [&str; 8] = [
     "lambertian",
     "oren-nayar",
     "mirror",
     "dielectric",
     "phong",
+    "glossy",
     "black",
     "emitter",
 ];
@@ -29,13 +30,14 @@ pub(super) fn read(entry: &Entry) -> Result<MaterialDescription> {
         "oren-nayar" => &["reflectance", "sigma"],
         "dielectric" => &["ior", "fresnel"],
         "phong" => &["reflectance", "exponent"],
+        "glossy" => &["diffuse", "specular", "exponent"],
         _ => &[],
     };
     let keys = [&["type", "emission", "two_sided"], own_keys].concat();
     let what = format!("a material of type `{tag}`");
     let fields = node.fields(&what, &keys)?;
 
-    let reflectance = || values::albedo(fields.required("reflectance")?);
+    let reflectance = || values::albedo(fields.required("reflectance")?, "reflectance");
     let bsdf = match tag {
         "lambertian" => BsdfDescription::Lambertian {
             reflectance: reflectance()?,
@@ -48,20 +50,16 @@ pub(super) fn read(entry: &Entry) -> Result<MaterialDescription> {
         },
         "mirror" => BsdfDescription::Mirror {
             reflectance: match fields.optional("reflectance") {
-                Some(node) => values::albedo(node)?,
+                Some(node) => values::albedo(node, "reflectance")?,
                 None => DVec3::ONE,
             },
         },
         "dielectric" => read_dielectric(&fields)?,
         "phong" => BsdfDescription::Phong {
             reflectance: reflectance()?,
-            exponent: values::number(
-                fields.required("exponent")?,
-                "exponent",
-                "in [0, 1e6]",
-                |exponent| (0.0..=MAX_EXPONENT).contains(&exponent),
-            )?,
+            exponent: read_exponent(&fields)?,
         },
+        "glossy" => read_glossy(&fields)?,
         _ => BsdfDescription::Black,
     };
     if tag == "emitter" {
@@ -70,6 +68,31 @@ pub(super) fn read(entry: &Entry) -> Result<MaterialDescription> {
     Ok(MaterialDescription {
         emission: read_emission(&fields)?,
         ..MaterialDescription::new(entry.key.clone(), bsdf)
+    })
+}
+
+fn read_exponent(fields: &Fields<'_>) -> Result<f64> {
+    let node = fields.required("exponent")?;
+    values::number(node, "exponent", "in [0, 1e6]", |exponent| {
+        (0.0..=MAX_EXPONENT).contains(&exponent)
+    })
+}
+
+fn read_glossy(fields: &Fields<'_>) -> Result<BsdfDescription> {
+    let diffuse = values::albedo(fields.required("diffuse")?, "diffuse")?;
+    let node = fields.required("specular")?;
+    let specular = values::albedo(node, "specular")?;
+    // 0.7 + 0.3 may round to a little more than 1.
+    let most = (diffuse + specular).max_element();
+    if most > 1.0 + f64::EPSILON {
+        return Err(node.spot.error(format!(
+            "`diffuse` + `specular` must be at most 1 in each channel, got {most}"
+        )));
+    }
+    Ok(BsdfDescription::Glossy {
+        diffuse,
+        specular,
+        exponent: read_exponent(fields)?,
     })
 }
 

@@ -44,10 +44,14 @@ pub enum AccelKind {
     Auto,
     /// No structure: every ray against every primitive, lanes of rays at a time.
     Linear,
+    /// Tree of cubes, each halved along all axes.
+    Octree,
     /// Binary tree.
     Bvh2,
     /// 8-wide tree.
     Bvh8,
+    /// 8-wide tree, rays in packets wherever they can.
+    Packet,
 }
 
 /// How much time the build of a tree takes for faster rays.

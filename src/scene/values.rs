@@ -86,10 +86,8 @@ pub(super) fn scale(node: &Node) -> Result<DVec3> {
 }
 
 /// RGB shares in [0, 1], written as one number or three.
-pub(super) fn albedo(node: &Node) -> Result<DVec3> {
-    number_or_triple(node, "reflectance", "in [0, 1]", |x| {
-        (0.0..=1.0).contains(&x)
-    })
+pub(super) fn albedo(node: &Node, name: &str) -> Result<DVec3> {
+    number_or_triple(node, name, "in [0, 1]", |x| (0.0..=1.0).contains(&x))
 }
 
 /// RGB radiance or intensity, written as one number or three: finite, ≥ 0.

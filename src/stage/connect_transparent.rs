@@ -1,7 +1,7 @@
 //! shadow rays → radiance, straight through glass: each boundary lets its transmittance pass and
 //! bends nothing. A fast picture of the shadow of glass, and biased: caustics are lost.
 
-use super::surface::{gather3, material, surface};
+use super::surface::{Surface, gather3, material, surface};
 use crate::accel::{HitBatch, RayBatch};
 use crate::compile::{CompiledScene, PrimitiveClass};
 use crate::geometry::spawn_origin;
@@ -38,7 +38,8 @@ pub(super) fn connect_transparent<const F: u32>(scene: &CompiledScene, wave: &mu
             );
 
             let class = scene.surfaces.class.get(primitive);
-            let kind = class & U32s::splat(PrimitiveClass::KIND);
+            // Glass that is partly not there blocks: what passes is found by following rays alone.
+            let kind = class & U32s::splat(PrimitiveClass::KIND | PrimitiveClass::PARTIAL);
             let crosses = active & blocked & kind.eq(U32s::splat(MaterialKind::Dielectric as u32));
             if crosses.none() {
                 continue;
@@ -56,7 +57,8 @@ pub(super) fn connect_transparent<const F: u32>(scene: &CompiledScene, wave: &mu
                 [&shadows.origin_x, &shadows.origin_y, &shadows.origin_z],
                 index,
             );
-            let (point, normal) = surface::<F>(scene, primitive, origin, direction, t);
+            let Surface { point, normal, .. } =
+                surface::<F>(scene, primitive, origin, direction, t);
             let params = Dielectric::fetch(&scene.materials, material(scene, primitive));
             let passes = Dielectric::transmittance(&params, -direction.dot(normal));
             let origin = spawn_origin(&point, normal, direction);

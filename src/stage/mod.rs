@@ -1,6 +1,7 @@
 //! The stages: one file each, none calls another. A stage reads the compiled scene and the wave's
 //! queues and writes the wave's queues; it neither allocates nor locks nor prints.
 
+mod appearance;
 mod connect;
 mod connect_transparent;
 mod emission;
@@ -13,7 +14,7 @@ mod shade;
 mod shade_emission;
 mod shade_escaped;
 mod sort;
-mod surface;
+pub(crate) mod surface;
 
 pub use kernels::Kernels;
 pub use roulette::MOST_SURVIVAL;

@@ -1,7 +1,8 @@
 //! camera hits → auxiliary sums: what the first hit looks like, for denoisers and debugging.
 
-use super::surface::{gather_rays, surface};
-use crate::compile::{CompiledScene, WorkItem};
+use super::appearance::{reflectance_factor, shading_normal};
+use super::surface::{gather_rays, material, surface};
+use crate::compile::{CompiledScene, Features, WorkItem};
 use crate::geometry::PrimitiveId;
 use crate::math::lanes::{LANES, Mask, U32s, iota, load, load_u32};
 use crate::math::{Compare, F32s, Vec3s};
@@ -20,15 +21,25 @@ pub(super) fn record_aux<const F: u32>(scene: &CompiledScene, item: &WorkItem, w
         }
         let (origin, direction) = gather_rays(&wave.rays, U32s::splat(at as u32) + iota());
         let t = load(&wave.hits.t, at);
-        let (_, normal) = surface::<F>(scene, primitive, origin, direction, t);
-        let behind = normal.dot(direction).gt(F32s::splat(0.0));
-        let normal = Vec3s::select(behind, -normal, normal);
+        let surface = surface::<F>(scene, primitive, origin, direction, t);
+        let behind = surface.normal.dot(direction).gt(F32s::splat(0.0));
+        let mut normal = Vec3s::select(behind, -surface.normal, surface.normal);
+        if scene.on::<F>(Features::MESH_NORMALS) {
+            (normal, _) = shading_normal(scene, primitive, surface.weights, normal, -direction);
+        }
+        let material = material(scene, primitive);
+        let mut factor = Vec3s::splat([1.0; 3]);
+        if scene.on::<F>(Features::TEXTURES) {
+            factor = reflectance_factor(scene, primitive, material, &surface);
+        }
         let normal = [normal.x, normal.y, normal.z].map(F32s::to_array);
+        let factor = [factor.x, factor.y, factor.z].map(F32s::to_array);
         let path = load_u32(&wave.rays.path, at).to_array();
         for lane in first.lanes() {
             let sums = &mut wave.aux[(path[lane] / item.samples) as usize];
-            let material = scene.surfaces.material[primitive.as_array()[lane] as usize];
-            for (sum, albedo) in sums.albedo.iter_mut().zip(scene.albedo[material as usize]) {
+            let albedo = scene.albedo[material.as_array()[lane] as usize];
+            let albedo = albedo.under([0, 1, 2].map(|k| factor[k][lane]));
+            for (sum, albedo) in sums.albedo.iter_mut().zip(albedo) {
                 *sum += f64::from(albedo);
             }
             for (sum, normal) in sums.normal.iter_mut().zip(&normal) {

@@ -2,12 +2,13 @@
 //!
 //! A specular material has no light sampling in it at all.
 
+use super::appearance::{opacity, reflectance_factor, shading_normal};
 use super::emission::has;
-use super::surface::{gather_rays, gather_throughput, material, surface};
-use crate::compile::{CompiledScene, Features, WorkItem};
-use crate::geometry::{SurfacePoint, spawn_origin};
+use super::surface::{Surface, gather_rays, gather_throughput, material, surface};
+use crate::compile::{CompiledScene, Features, PrimitiveClass, WorkItem};
+use crate::geometry::spawn_origin;
 use crate::light::{self, Receiver};
-use crate::material::{BsdfSample, Material};
+use crate::material::{Black, BsdfSample, Material};
 use crate::math::lanes::{
     F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, gather_u64, load_u32,
     store, store_u32,
@@ -21,20 +22,43 @@ use crate::wave::{RayQueue, Wave, count_depths, state};
 struct Hits {
     active: Mask,
     primitive: U32s,
-    point: SurfacePoint,
+    material: U32s,
+    surface: Surface,
+    /// Unit direction of the ray.
+    direction: Vec3s,
     /// Unit geometric normal; on the ray's side unless the material transmits.
     normal: Vec3s,
+    /// Where the shading normal is not the geometric one.
+    smooth: Mask,
     /// Where rays to the normal's side start.
     origin: Vec3s,
+    /// About the shading normal, which is on the geometric normal's side.
     frame: Frame,
     /// Towards where the ray came from, in the frame.
     wo: Vec3s,
+    /// Share of the light that meets the surface.
+    opacity: F32s,
+    /// Where the path goes straight on, as if there were no surface.
+    passes: Mask,
+    /// n_t/n_i of what goes straight on.
+    straight_eta: F32s,
     throughput: Vec3s,
     path: U32s,
     state: U32s,
     eta: F32s,
     /// Generators at the first dimension of the hit.
     random: Pcg32s,
+}
+
+/// A ray that may leave each hit.
+struct Onward {
+    sample: BsdfSample,
+    /// Where the path goes straight on instead.
+    passes: Mask,
+    /// Generators at the first dimension of the hit.
+    random: Pcg32s,
+    /// Packed state of the path before the hit.
+    state: U32s,
 }
 
 /// Strata of the chunk's samples with the first dimension of the hit, if sampling is stratified.
@@ -87,27 +111,36 @@ pub(super) fn shade<M: Material, const F: u32>(
     };
     for &branch in branches {
         for at in (0..wave.by_material[M::KIND as usize].len).step_by(LANES) {
-            let hits = Hits::fetch::<M, F>(scene, wave, at);
+            let mut hits = Hits::fetch::<M, F>(scene, wave, at);
             let strata = strata::<F>(scene, item, &hits);
-            let params = M::fetch(&scene.materials, material(scene, hits.primitive));
+            let mut params = M::fetch(&scene.materials, hits.material);
+            if scene.on::<F>(Features::TEXTURES) {
+                let by = reflectance_factor(scene, hits.primitive, hits.material, &hits.surface);
+                M::tint(&mut params, by);
+            }
+            if scene.on::<F>(Features::OPACITY) {
+                hits.let_through::<F>(scene, strata);
+                hits.straight_eta = M::straight_eta(&params, hits.wo);
+            }
             if !M::SPECULAR && scene.on::<F>(Features::SHADOW_RAYS) {
                 sample_light::<M, F>(scene, &hits, strata, &params, wave);
             }
             if whitted && !M::SPECULAR {
+                if hits.passes.any() {
+                    pass_on::<M, F>(scene, &hits, &mut wave.next);
+                }
                 continue;
             }
             match branch {
                 Branch::Sampled => {
-                    let sample = M::sample(&params, hits.wo, direction_numbers(&hits, strata));
-                    let random = hits.random;
-                    continue_path::<M, F>(
-                        scene,
-                        &hits,
-                        &sample,
-                        random,
-                        hits.state,
-                        &mut wave.next,
-                    );
+                    let numbers = direction_numbers::<F>(scene, &hits, strata);
+                    let onward = Onward {
+                        sample: M::sample(&params, hits.wo, numbers),
+                        passes: hits.passes,
+                        random: hits.random,
+                        state: hits.state,
+                    };
+                    continue_path::<M, F>(scene, &hits, &onward, &mut wave.next);
                 }
                 Branch::First | Branch::Second => {
                     follow_split::<M, F>(scene, &hits, strata, &params, branch, &mut wave.next);
@@ -122,7 +155,7 @@ impl Hits {
     #[inline(always)]
     fn start<M: Material>(&self, direction: Vec3s) -> Vec3s {
         if M::TRANSMISSIVE {
-            spawn_origin(&self.point, self.normal, direction)
+            spawn_origin(&self.surface.point, self.normal, direction)
         } else {
             self.origin
         }
@@ -137,22 +170,41 @@ impl Hits {
         let (origin, direction) = gather_rays(rays, ray);
         let primitive = gather_u32(&wave.hits.primitive, ray);
         let t = gather(&wave.hits.t, ray);
-        let (point, outward) = surface::<F>(scene, primitive, origin, direction, t);
+        let surface = surface::<F>(scene, primitive, origin, direction, t);
+        let behind = || surface.normal.dot(direction).gt(F32s::splat(0.0));
         let normal = if M::TRANSMISSIVE {
-            outward
+            surface.normal
         } else {
-            let behind = outward.dot(direction).gt(F32s::splat(0.0));
-            Vec3s::select(behind, -outward, outward)
+            Vec3s::select(behind(), -surface.normal, surface.normal)
         };
-        let frame = Frame::from_normal(normal);
+        let (mut shading, mut smooth) = (normal, Mask::NONE);
+        if scene.on::<F>(Features::MESH_NORMALS) {
+            // Bent while on the ray's side, then turned back to the outside of what transmits.
+            let turned = if M::TRANSMISSIVE {
+                behind()
+            } else {
+                Mask::NONE
+            };
+            let facing = Vec3s::select(turned, -normal, normal);
+            (shading, smooth) =
+                shading_normal(scene, primitive, surface.weights, facing, -direction);
+            shading = Vec3s::select(turned, -shading, shading);
+        }
+        let frame = Frame::from_normal(shading);
         Self {
             active: Mask::first(queue.len - at),
             primitive,
-            origin: spawn_origin(&point, normal, normal),
-            point,
+            material: material(scene, primitive),
+            origin: spawn_origin(&surface.point, normal, normal),
+            surface,
+            direction,
             normal,
+            smooth,
             wo: frame.to_local(-direction),
             frame,
+            opacity: F32s::splat(1.0),
+            passes: Mask::NONE,
+            straight_eta: F32s::splat(1.0),
             throughput: gather_throughput(rays, ray),
             path: gather_u32(&rays.path, ray),
             state: gather_u32(&rays.state, ray),
@@ -163,6 +215,24 @@ impl Hits {
             },
             random: Pcg32s::from_states(gather_u64(&rays.random, ray)),
         }
+    }
+
+    /// Decides where the path goes straight on: with a probability of 1 − opacity.
+    #[inline(always)]
+    fn let_through<const F: u32>(&mut self, scene: &CompiledScene, strata: HitStrata) {
+        self.opacity = opacity::<F>(scene, self.primitive, self.material, &self.surface);
+        let mut random = self.random.skip::<{ Dimension::Lobe as u32 }>();
+        let u = strata.one(Dimension::Lobe, random.next_f32());
+        self.passes = self.active & u.lt(F32s::splat(1.0) - self.opacity);
+    }
+
+    /// Where directions are on the same side of the surface and of its shading normal; `cosines` are
+    /// those to the latter. Elsewhere nothing is scattered, so that no light passes a closed surface.
+    #[inline(always)]
+    fn same_side(&self, direction: Vec3s, cosines: F32s) -> Mask {
+        let zero = F32s::splat(0.0);
+        let differ = Mask(self.normal.dot(direction).gt(zero).0 ^ cosines.gt(zero).0);
+        !(self.smooth & differ)
     }
 }
 
@@ -183,11 +253,22 @@ fn strata<const F: u32>(scene: &CompiledScene, item: &WorkItem, hits: &Hits) -> 
 
 /// Two numbers for the direction, one for the lobe.
 #[inline(always)]
-fn direction_numbers(hits: &Hits, strata: HitStrata) -> [F32s; 3] {
+fn direction_numbers<const F: u32>(
+    scene: &CompiledScene,
+    hits: &Hits,
+    strata: HitStrata,
+) -> [F32s; 3] {
     let mut random = hits.random.skip::<{ Dimension::Direction as u32 }>();
     let pair = [random.next_f32(), random.next_f32()];
     let [u, v] = strata.pair(Dimension::Direction, pair);
-    [u, v, strata.one(Dimension::Lobe, random.next_f32())]
+    let mut lobe = strata.one(Dimension::Lobe, random.next_f32());
+    if scene.on::<F>(Features::OPACITY) {
+        // Above 1 − opacity the number has not been used: that part becomes [0, 1) again.
+        let passing = F32s::splat(1.0) - hits.opacity;
+        let most = F32s::splat(1.0 - f32::EPSILON / 2.0);
+        lobe = ((lobe - passing) / (F32s::splat(1.0) - passing)).fast_min(most);
+    }
+    [u, v, lobe]
 }
 
 /// Samples a point on a light and queues a shadow ray to it where it would bring anything.
@@ -204,17 +285,24 @@ fn sample_light<M: Material, const F: u32>(
     let [u, v] = strata.pair(Dimension::LightPoint, pair);
     let choice = strata.one(Dimension::LightChoice, random.next_f32());
     let receiver = Receiver {
-        p: hits.point.p,
-        n: hits.normal,
+        p: hits.surface.point.p,
+        n: hits.frame.normal,
         primitive: hits.primitive,
     };
     let sample = light::sample::<F>(&scene.lights, &receiver, [choice, u, v]);
     let mut valid = hits.active & sample.valid;
+    if scene.on::<F>(Features::OPACITY) {
+        valid = valid & !hits.passes;
+    }
     if scene.strategy == Strategy::Bsdf && !scene.on::<F>(Features::WHITTED) {
         // Every other light is found by hitting it.
         valid = valid & sample.delta;
     }
-    let (value, pdf) = M::eval(params, hits.wo, hits.frame.to_local(sample.direction));
+    let wi = hits.frame.to_local(sample.direction);
+    if scene.on::<F>(Features::MESH_NORMALS) {
+        valid = valid & hits.same_side(sample.direction, wi.z);
+    }
+    let (value, pdf) = M::eval(params, hits.wo, wi);
     // Weight over density; the weight of a delta light is 1.
     let alone = F32s::splat(1.0) / sample.pdf;
     let over_pdf = if scene.on::<F>(Features::MIS) {
@@ -272,55 +360,75 @@ fn follow_split<M: Material, const F: u32>(
     let may_split = splits.lt(U32s::splat(state::MOST_SPLITS));
     let split_state = hits.state + U32s::splat(state::SPLIT);
     if branch == Branch::Second {
-        let second = BsdfSample {
-            valid: second.valid & may_split,
-            ..second
+        let onward = Onward {
+            sample: BsdfSample {
+                valid: second.valid & may_split & !hits.passes,
+                ..second
+            },
+            passes: Mask::NONE,
+            random: hits.random.branch(),
+            state: split_state,
         };
-        continue_path::<M, F>(
-            scene,
-            hits,
-            &second,
-            hits.random.branch(),
-            split_state,
-            next,
-        );
+        continue_path::<M, F>(scene, hits, &onward, next);
         return;
     }
-    let sampled = M::sample(params, hits.wo, direction_numbers(hits, strata));
-    let first = BsdfSample {
-        wi: Vec3s::select(may_split, first.wi, sampled.wi),
-        weight: Vec3s::select(may_split, first.weight, sampled.weight),
-        pdf: sampled.pdf,
-        eta: may_split.select(first.eta, sampled.eta),
-        valid: (may_split & first.valid) | (!may_split & sampled.valid),
+    let numbers = direction_numbers::<F>(scene, hits, strata);
+    let sampled = M::sample(params, hits.wo, numbers);
+    let onward = Onward {
+        sample: BsdfSample {
+            wi: Vec3s::select(may_split, first.wi, sampled.wi),
+            weight: Vec3s::select(may_split, first.weight, sampled.weight),
+            pdf: sampled.pdf,
+            eta: may_split.select(first.eta, sampled.eta),
+            valid: (may_split & first.valid) | (!may_split & sampled.valid),
+        },
+        passes: hits.passes,
+        random: hits.random,
+        state: (may_split & !hits.passes).select_u32(split_state, hits.state),
     };
-    let first_state = may_split.select_u32(split_state, hits.state);
-    continue_path::<M, F>(scene, hits, &first, hits.random, first_state, next);
+    continue_path::<M, F>(scene, hits, &onward, next);
 }
 
-/// Appends the next ray of each active lane; `random` stands at the hit's first dimension.
+/// Appends the rays of the paths that go straight on where nothing else goes on.
+#[inline(always)]
+fn pass_on<M: Material, const F: u32>(scene: &CompiledScene, hits: &Hits, next: &mut RayQueue) {
+    let onward = Onward {
+        sample: Black::sample(&(), hits.wo, [F32s::splat(0.0); 3]),
+        passes: hits.passes,
+        random: hits.random,
+        state: hits.state,
+    };
+    continue_path::<M, F>(scene, hits, &onward, next);
+}
+
+/// Appends the next ray of each active lane, with zero throughput where the path ends.
 #[inline(always)]
 fn continue_path<M: Material, const F: u32>(
     scene: &CompiledScene,
     hits: &Hits,
-    sample: &BsdfSample,
-    random: Pcg32s,
-    path_state: U32s,
+    onward: &Onward,
     next: &mut RayQueue,
 ) {
     let at = next.len;
-    let direction = hits.frame.to_world(sample.wi);
-    let origin = hits.start::<M>(direction);
+    let sample = &onward.sample;
+    let (zero, one) = (F32s::splat(0.0), F32s::splat(1.0));
+    let mut direction = hits.frame.to_world(sample.wi);
+    let mut valid = sample.valid;
+    if scene.on::<F>(Features::MESH_NORMALS) {
+        valid = valid & hits.same_side(direction, sample.wi.z);
+    }
     let weighted = hits.throughput.mul_elem(sample.weight);
-    next.set_ray(at, origin, direction, hits.primitive);
-    next.set_throughput(at, Vec3s::select(sample.valid, weighted, Vec3s::zero()));
-    store_u32(&mut next.path, at, hits.path);
+    let mut throughput = Vec3s::select(valid, weighted, Vec3s::zero());
     let kept =
-        path_state & U32s::splat(!(state::SPECULAR | state::THROUGH_GLASS | state::UNREFLECTED));
-    let history = if M::TRANSMISSIVE {
-        let zero = F32s::splat(0.0);
-        let crossed = Mask(sample.wi.z.lt(zero).0 ^ hits.wo.z.lt(zero).0);
-        let through = crossed & has(path_state, state::UNREFLECTED);
+        onward.state & U32s::splat(!(state::SPECULAR | state::THROUGH_GLASS | state::UNREFLECTED));
+    let mut history = if M::TRANSMISSIVE {
+        let mut through = Mask(sample.wi.z.lt(zero).0 ^ hits.wo.z.lt(zero).0)
+            & has(onward.state, state::UNREFLECTED);
+        if scene.on::<F>(Features::OPACITY) {
+            // It blocks transparent shadow rays, so they do not bring what is behind.
+            let class = scene.surfaces.class.get(hits.primitive);
+            through = through & !has(class, PrimitiveClass::PARTIAL);
+        }
         through.select_u32(
             U32s::splat(state::SPECULAR | state::THROUGH_GLASS | state::UNREFLECTED),
             U32s::splat(state::SPECULAR),
@@ -330,17 +438,39 @@ fn continue_path<M: Material, const F: u32>(
     } else {
         U32s::splat(state::UNREFLECTED)
     };
+    let (mut pdf, mut eta) = (sample.pdf, sample.eta);
+    let mut origin = hits.start::<M>(direction);
+    if scene.on::<F>(Features::OPACITY) {
+        // A delta transmission without a bend: light behind is not sampled from here, and shadow
+        // rays from before do not reach it.
+        let passes = onward.passes;
+        direction = Vec3s::select(passes, hits.direction, direction);
+        let beyond = spawn_origin(&hits.surface.point, hits.normal, hits.direction);
+        origin = Vec3s::select(passes, beyond, origin);
+        let straight = hits.throughput * (one / (hits.straight_eta * hits.straight_eta));
+        throughput = Vec3s::select(passes, straight, throughput);
+        history = passes.select_u32(U32s::splat(state::SPECULAR), history);
+        pdf = passes.select(zero, pdf);
+        eta = passes.select(hits.straight_eta, eta);
+    }
+    next.set_ray(at, origin, direction, hits.primitive);
+    next.set_throughput(at, throughput);
+    store_u32(&mut next.path, at, hits.path);
     store_u32(&mut next.state, at, (kept | history) + U32s::splat(1));
-    next.random[at..at + LANES]
-        .copy_from_slice(&random.skip::<{ Dimension::Roulette as u32 }>().states());
+    next.random[at..at + LANES].copy_from_slice(
+        &onward
+            .random
+            .skip::<{ Dimension::Roulette as u32 }>()
+            .states(),
+    );
     if scene.on::<F>(Features::MIS) {
-        store(&mut next.pdf, at, sample.pdf);
+        store(&mut next.pdf, at, pdf);
     }
     if scene.on::<F>(Features::DIELECTRIC) {
-        store(&mut next.eta, at, hits.eta * sample.eta);
+        store(&mut next.eta, at, hits.eta * eta);
     }
     if scene.on::<F>(Features::BACKGROUND) {
-        store(&mut next.cosine, at, hits.normal.dot(direction));
+        store(&mut next.cosine, at, hits.frame.normal.dot(direction));
     }
     next.len += hits.active.count();
 }

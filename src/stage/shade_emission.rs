@@ -1,7 +1,7 @@
 //! emitter hits → radiance: light found by following a ray.
 
 use super::emission::{emission_counts, is_specular};
-use super::surface::{gather_rays, gather_throughput, surface};
+use super::surface::{Surface, gather_rays, gather_throughput, surface};
 use crate::compile::{CompiledScene, Features};
 use crate::light::{self, Receiver};
 use crate::math::lanes::{F32s, LANES, Mask, gather, gather_u32, load_u32};
@@ -23,7 +23,7 @@ pub(super) fn shade_emission<const F: u32>(scene: &CompiledScene, wave: &mut Wav
         let primitive = gather_u32(&wave.hits.primitive, ray);
         let t = gather(&wave.hits.t, ray);
         let light = scene.surfaces.light.get(primitive);
-        let (point, normal) = surface::<F>(scene, primitive, origin, direction, t);
+        let Surface { point, normal, .. } = surface::<F>(scene, primitive, origin, direction, t);
         let mut weight = F32s::splat(1.0);
         if scene.on::<F>(Features::MIS) {
             let receiver = Receiver {

@@ -1,7 +1,7 @@
-//! What the shading stages know of a hit: point, error bound and geometric normal.
+//! What the stages know of the place of a hit: point, error bound and geometric normal.
 
 use crate::compile::{CompiledScene, Features};
-use crate::geometry::{SurfacePoint, sphere_point, triangle_point};
+use crate::geometry::{SurfacePoint, sphere_point, triangle_hit};
 use crate::math::lanes::{F32s, Mask, U32s, gather};
 use crate::math::{Compare, Table, Vec3s};
 use crate::wave::RayQueue;
@@ -43,16 +43,26 @@ pub(super) fn gather_throughput(rays: &RayQueue, ray: U32s) -> Vec3s {
     )
 }
 
-/// Point with error bound, and unit geometric normal (outward for spheres), of hits of `primitive`
-/// by rays known to hit.
+/// The place of a hit.
+#[derive(Clone, Copy)]
+pub(crate) struct Surface {
+    /// Point with its error bound.
+    pub(crate) point: SurfacePoint,
+    /// Unit geometric normal, outward for spheres.
+    pub(crate) normal: Vec3s,
+    /// Barycentric coordinates on triangles.
+    pub(crate) weights: [F32s; 3],
+}
+
+/// The places of hits of `primitive` by rays known to hit.
 #[inline(always)]
-pub(super) fn surface<const F: u32>(
+pub(crate) fn surface<const F: u32>(
     scene: &CompiledScene,
     primitive: U32s,
     origin: Vec3s,
     direction: Vec3s,
     t: F32s,
-) -> (SurfacePoint, Vec3s) {
+) -> Surface {
     let surfaces = &scene.surfaces;
     let is_sphere = if scene.on::<F>(Features::SPHERES) {
         primitive.ge(U32s::splat(surfaces.first_sphere))
@@ -62,18 +72,23 @@ pub(super) fn surface<const F: u32>(
     let triangle = || {
         let [a, b, c] = &surfaces.corners;
         let corners = [a, b, c].map(|corner| look_up3(corner, primitive));
-        (
-            triangle_point(origin, direction, corners),
-            look_up3(&surfaces.normal, primitive),
-        )
+        let (point, weights) = triangle_hit(origin, direction, corners);
+        Surface {
+            point,
+            normal: look_up3(&surfaces.normal, primitive),
+            weights,
+        }
     };
     let sphere = || {
         let index = primitive - U32s::splat(surfaces.first_sphere);
         let center = look_up3(&surfaces.center, index);
         let radius = surfaces.radius.get(index);
         let point = sphere_point(origin, direction, t, center, radius);
-        let normal = (point.p - center).normalize();
-        (point, normal)
+        Surface {
+            point,
+            normal: (point.p - center).normalize(),
+            weights: [F32s::splat(0.0); 3],
+        }
     };
     if is_sphere.none() && scene.on::<F>(Features::TRIANGLES) {
         return triangle();
@@ -81,12 +96,16 @@ pub(super) fn surface<const F: u32>(
     if is_sphere == Mask::ALL || !scene.on::<F>(Features::TRIANGLES) {
         return sphere();
     }
-    let ((tp, tn), (sp, sn)) = (triangle(), sphere());
-    let point = SurfacePoint {
-        p: Vec3s::select(is_sphere, sp.p, tp.p),
-        error: Vec3s::select(is_sphere, sp.error, tp.error),
-    };
-    (point, Vec3s::select(is_sphere, sn, tn))
+    let (on_triangle, on_sphere) = (triangle(), sphere());
+    let select = |a: Vec3s, b: Vec3s| Vec3s::select(is_sphere, a, b);
+    Surface {
+        point: SurfacePoint {
+            p: select(on_sphere.point.p, on_triangle.point.p),
+            error: select(on_sphere.point.error, on_triangle.point.error),
+        },
+        normal: select(on_sphere.normal, on_triangle.normal),
+        weights: on_triangle.weights,
+    }
 }
 
 /// Material of the primitives.

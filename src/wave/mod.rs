@@ -160,6 +160,7 @@ pub fn material_feature(kind: usize) -> Features {
         MaterialKind::Mirror => Features::MIRROR,
         MaterialKind::Dielectric => Features::DIELECTRIC,
         MaterialKind::Phong => Features::PHONG,
+        MaterialKind::Glossy => Features::GLOSSY,
     }
 }
 

@@ -7,6 +7,8 @@ use wavepath::scene::{
     AccelKind, Budget, IntegratorKind, RenderSettings, SamplerKind, SceneDescription, Strategy,
 };
 
+use crate::builder::adorned_room;
+use crate::renderer::STRUCTURES;
 use crate::support::{estimate, load, picture, scene_files};
 use crate::ztest::{ImageEstimate, compare};
 
@@ -47,7 +49,7 @@ fn combinations(base: &RenderSettings) -> Vec<RenderSettings> {
     let mut all = Vec::new();
     for strategy in [Strategy::Mis, Strategy::Nee, Strategy::Bsdf] {
         for sampler in [SamplerKind::Independent, SamplerKind::Stratified] {
-            for accel in [AccelKind::Linear, AccelKind::Bvh2, AccelKind::Bvh8] {
+            for accel in STRUCTURES {
                 // Strata need blocks to fill; independent samples give the best variance one by one.
                 let block = if sampler == SamplerKind::Stratified {
                     8
@@ -116,6 +118,44 @@ fn whitted_agrees_on_every_scene() {
 }
 
 #[test]
+fn smooth_normals_textures_and_opacity_agree_in_every_method() {
+    let scene = adorned_room().build();
+    for (integrator, transparent_shadows) in [
+        (IntegratorKind::Path, false),
+        (IntegratorKind::Path, true),
+        (IntegratorKind::Whitted, false),
+        (IntegratorKind::Whitted, true),
+    ] {
+        let base = RenderSettings {
+            integrator,
+            transparent_shadows,
+            budget: Budget::Samples(SAMPLES),
+            max_depth: Some(8),
+            threads: 1,
+            ..RenderSettings::default()
+        };
+        let mut reference_of = [const { None }; 3];
+        for settings in combinations(&base) {
+            // All trees give the same bits.
+            if integrator == IntegratorKind::Whitted && settings.strategy != Strategy::Mis
+                || !matches!(settings.accel, AccelKind::Linear | AccelKind::Bvh8)
+            {
+                continue;
+            }
+            let slot = if transparent_shadows {
+                settings.strategy as usize
+            } else {
+                0
+            };
+            let expected =
+                reference_of[slot].get_or_insert_with(|| reference(&scene, 0, &settings));
+            let label = format!("{settings:?}");
+            check(&render(&scene, 0, &settings), expected, &label);
+        }
+    }
+}
+
+#[test]
 fn the_camera_on_the_edge_of_the_room_agrees_and_shows_no_line() {
     let scene = load("hexroom.toml");
     let camera = scene
@@ -128,7 +168,7 @@ fn the_camera_on_the_edge_of_the_room_agrees_and_shows_no_line() {
         block: 1,
         ..RenderSettings::from_defaults(&scene.render)
     };
-    for accel in [AccelKind::Linear, AccelKind::Bvh2, AccelKind::Bvh8] {
+    for accel in STRUCTURES {
         let ours = render(
             &scene,
             camera,

@@ -6,7 +6,7 @@ use wavepath::scene::{
     BsdfDescription, Budget, IntegratorKind, RenderSettings, SceneDescription, Strategy,
 };
 
-use crate::builder::{SceneBuilder, busy_room, glass, mirror};
+use crate::builder::{SceneBuilder, busy_room, glass, mirror, sheet};
 use crate::renderer::{STRUCTURES, endless, whitted};
 use crate::support::picture;
 
@@ -69,6 +69,51 @@ fn the_first_hit_is_what_auxiliary_images_show() {
                         );
                     }
                 }
+            }
+        }
+    }
+}
+
+#[test]
+fn auxiliary_images_show_textures_and_shading_normals() {
+    let mut scene = SceneBuilder::new();
+    let glossy = scene.matter(BsdfDescription::Glossy {
+        diffuse: DVec3::new(0.5, 0.4, 0.2),
+        specular: DVec3::splat(0.25),
+        exponent: 9.0,
+    });
+    let texture = scene.texture(2, vec![[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3]]);
+    scene.paint(glossy, texture);
+    let mut mesh = sheet(1.0, 0.0, [0.0; 3]);
+    // Corner by corner: upright, flipped and leaning to x, of no direction, leaning to y.
+    mesh.normals = vec![
+        [0.0, 0.0, 7.0],
+        [-0.6, 0.0, -0.8],
+        [0.0; 3],
+        [0.0, 1.2, 1.6],
+    ];
+    mesh.face_normals = mesh.faces.clone();
+    scene.attributed_mesh(mesh, glossy);
+    // Barycentric weights of (x, y) in the first face, which is below the diagonal.
+    let [x, y] = [0.5, -0.5];
+    let [b, c] = [(x - y) / 2.0, (y + 1.0) / 2.0];
+    let normal = DVec3::new(0.6 * b, 0.0, 1.0 - b - c + 0.8 * b + c).normalize();
+    for (eye, side) in [(3.0, 1.0), (-3.0, -1.0)] {
+        let mut scene = scene.clone();
+        scene.aim([x, y, eye], [x, y, 0.0]);
+        for accel in STRUCTURES {
+            let settings = RenderSettings {
+                accel,
+                ..endless(Strategy::Mis)
+            };
+            let film = film(&scene.build(), [5, 3], &settings);
+            let aux = film.aux(7).expect("they were asked for");
+            // The lower right texel.
+            let albedo = [0.75, 0.65, 0.45];
+            let expected = [albedo, (normal * side).to_array(), [3.0, 0.0, 0.0]];
+            let shown = [aux.albedo, aux.normal, [aux.depth, 0.0, 0.0]];
+            for (value, expected) in shown.as_flattened().iter().zip(expected.as_flattened()) {
+                assert!((value - expected).abs() < 1e-6, "{aux:?}, not {expected}");
             }
         }
     }

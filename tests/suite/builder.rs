@@ -6,7 +6,7 @@ use glam::DVec3;
 use wavepath::scene::{
     BsdfDescription, CameraDescription, EmissionDescription, FilmDescription, Fresnel,
     MaterialDescription, MaterialId, Mesh, PointLightDescription, Projection, RenderDefaults,
-    SceneDescription, ShapeDescription, ShapeGeometry,
+    SceneDescription, ShapeDescription, ShapeGeometry, TextureDescription, TextureId, procedural,
 };
 
 /// Grey Lambertian.
@@ -51,6 +51,7 @@ impl SceneBuilder {
             point_lights: Vec::new(),
             background: DVec3::ZERO,
             render: RenderDefaults::default(),
+            mesh_files: Vec::new(),
             warnings: Vec::new(),
         })
     }
@@ -96,6 +97,36 @@ impl SceneBuilder {
             ..MaterialDescription::new(name, bsdf)
         });
         id
+    }
+
+    /// Lets only this share of the light meet a material's surfaces.
+    pub(crate) fn thin(&mut self, material: MaterialId, opacity: f64) -> MaterialId {
+        self.0.materials[material.0 as usize].opacity = opacity;
+        material
+    }
+
+    /// A picture of rows from the top.
+    pub(crate) fn texture(&mut self, width: u32, texels: Vec<[u8; 3]>) -> TextureId {
+        let id = TextureId(self.0.textures.len() as u32);
+        self.0.textures.push(TextureDescription {
+            name: format!("texture {}", id.0),
+            width,
+            height: texels.len() as u32 / width,
+            texels,
+        });
+        id
+    }
+
+    /// Puts a texture on a material's reflectance.
+    pub(crate) fn paint(&mut self, material: MaterialId, texture: TextureId) -> MaterialId {
+        self.0.materials[material.0 as usize].reflectance_texture = Some(texture);
+        material
+    }
+
+    /// Puts a texture on a material's opacity.
+    pub(crate) fn cut_out(&mut self, material: MaterialId, texture: TextureId) -> MaterialId {
+        self.0.materials[material.0 as usize].opacity_texture = Some(texture);
+        material
     }
 
     /// Corners in order; the normal is that of the first three.
@@ -146,6 +177,11 @@ impl SceneBuilder {
             faces,
             ..Mesh::default()
         };
+        self.attributed_mesh(mesh, material);
+    }
+
+    /// A mesh with whatever its corners have.
+    pub(crate) fn attributed_mesh(&mut self, mesh: Mesh, material: MaterialId) {
         self.shape(ShapeGeometry::Mesh(mesh), material);
     }
 
@@ -218,6 +254,151 @@ impl SceneBuilder {
     pub(crate) fn build(&self) -> SceneDescription {
         self.0.clone()
     }
+}
+
+/// The square x, y ∈ [−half, half] at this height, facing up, with texture coordinates that run from
+/// [0, 0] to [1, 1] and the normal (unless zero) `normal` at every corner.
+pub(crate) fn sheet(half: f64, z: f64, normal: [f32; 3]) -> Mesh {
+    let corner = |x: f64, y: f64| DVec3::new(x * half, y * half, z);
+    let faces = vec![[0, 1, 2], [0, 2, 3]];
+    let has_normals = normal != [0.0; 3];
+    Mesh {
+        positions: vec![
+            corner(-1.0, -1.0),
+            corner(1.0, -1.0),
+            corner(1.0, 1.0),
+            corner(-1.0, 1.0),
+        ],
+        face_normals: if has_normals {
+            vec![[0; 3]; 2]
+        } else {
+            Vec::new()
+        },
+        normals: if has_normals {
+            vec![normal]
+        } else {
+            Vec::new()
+        },
+        uvs: vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]],
+        face_uvs: faces.clone(),
+        faces,
+        ..Mesh::default()
+    }
+}
+
+/// A coarse sphere with the normals of a true one, changed by `bend`, and texture coordinates.
+pub(crate) fn ball(center: DVec3, radius: f64, bend: impl Fn(usize, DVec3) -> DVec3) -> Mesh {
+    let mesh = procedural::icosphere(radius, 1);
+    let unit = || mesh.positions.iter().map(|p| p.normalize());
+    Mesh {
+        normals: unit()
+            .enumerate()
+            .map(|(i, n)| bend(i, n).as_vec3().to_array())
+            .collect(),
+        face_normals: mesh.faces.clone(),
+        uvs: unit()
+            .map(|n| [2.0 * n.x as f32, 3.0 * n.z as f32])
+            .collect(),
+        face_uvs: mesh.faces.clone(),
+        positions: mesh.positions.iter().map(|p| *p + center).collect(),
+        ..mesh
+    }
+}
+
+/// A room of smooth balls, textures and surfaces that are partly not there, of every material, with
+/// flat, round and point lights and a sky.
+pub(crate) fn adorned_room() -> SceneBuilder {
+    let mut scene = SceneBuilder::new();
+    let tinted = DVec3::new(0.8, 0.6, 0.3);
+    let tiles = scene.texture(
+        3,
+        vec![
+            [255, 40, 10],
+            [90, 200, 160],
+            [250, 250, 255],
+            [0, 0, 0],
+            [128, 128, 128],
+            [10, 80, 240],
+        ],
+    );
+    let holes = scene.texture(2, vec![[255; 3], [0; 3], [120, 200, 40], [255; 3]]);
+    let gloss = |exponent: f64| BsdfDescription::Glossy {
+        diffuse: DVec3::new(0.5, 0.3, 0.1),
+        specular: DVec3::splat(0.4),
+        exponent,
+    };
+    let rough = BsdfDescription::OrenNayar {
+        reflectance: tinted,
+        sigma: 0.5,
+    };
+    let phong = BsdfDescription::Phong {
+        reflectance: tinted,
+        exponent: 8.0,
+    };
+    let id = |_: usize, normal: DVec3| normal;
+
+    let floor = scene.matter(lambertian(0.8));
+    scene.paint(floor, tiles);
+    scene.attributed_mesh(sheet(2.0, 0.0, [0.1, 0.0, 0.9]), floor);
+    let plain = scene.matter(lambertian(0.6));
+    scene.ceiling(2.0, 3.0, plain);
+    // Balls in two rows, none of which hides the others.
+    for (i, bsdf) in [gloss(20.0), rough, phong, mirror(0.9), glass(1.5)]
+        .into_iter()
+        .enumerate()
+    {
+        let material = scene.matter(bsdf);
+        if i % 2 == 0 {
+            scene.paint(material, tiles);
+        }
+        let center = DVec3::new(
+            0.7 * (i % 2) as f64,
+            0.7 * i as f64 - 1.4,
+            0.5 + 0.3 * i as f64,
+        );
+        scene.attributed_mesh(ball(center, 0.4, id), material);
+    }
+    // A veil in front of half of them, a net above, and half a ball of glass.
+    let veil = scene.matter(lambertian(0.7));
+    scene.thin(veil, 0.4);
+    scene.quad(
+        [
+            [-0.6, -1.0, 0.0],
+            [-0.6, 0.4, 0.0],
+            [-0.6, 0.4, 2.0],
+            [-0.6, -1.0, 2.0],
+        ],
+        veil,
+    );
+    let net = scene.matter(gloss(5.0));
+    scene.cut_out(net, holes);
+    scene.paint(net, tiles);
+    scene.attributed_mesh(sheet(1.2, 2.3, [0.0; 3]), net);
+    let lamp = scene.one_sided(lambertian(0.2), 4.0);
+    scene.ceiling(0.7, 2.9, lamp);
+    // Primitives after the last triangle must not take its attributes for theirs.
+    let tile = scene.matter(lambertian(0.5));
+    scene.paint(tile, tiles);
+    scene.attributed_mesh(sheet(0.3, 2.6, [0.3, 0.2, -1.0]), tile);
+    let bubble = scene.matter(glass(1.3));
+    scene.thin(bubble, 0.5);
+    scene.sphere([-0.8, 1.2, 0.6], 0.4, bubble);
+    let soot = scene.matter(BsdfDescription::Black);
+    scene.thin(soot, 0.7);
+    scene.sphere([-0.5, -1.5, 0.5], 0.3, soot);
+
+    let bulb = scene.two_sided(BsdfDescription::Black, 3.0);
+    scene.thin(bulb, 0.5);
+    scene.sphere([0.3, 1.7, 2.0], 0.2, bulb);
+    scene.point_light([-1.0, 0.3, 1.2], 1.0);
+    scene.background(0.3);
+    scene.window(
+        [-3.5, 0.0, 1.3],
+        [-2.5, 0.9, 2.1],
+        [0.0, -1.8, 0.0],
+        [0.0, 0.0, -1.6],
+    );
+    scene
 }
 
 /// A closed room that emits 1 everywhere, a cube or a sphere, seen from within: radiance is the same

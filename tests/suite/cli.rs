@@ -9,7 +9,8 @@ use tempfile::TempDir;
 use wavepath::film::{ExrImage, read_exr};
 use wavepath::integrator::stats::EndReason;
 use wavepath::report::RenderReport;
-use wavepath::scene::{Budget, SamplerKind, Strategy};
+use wavepath::report::accels::{AccelsReport, RayKind};
+use wavepath::scene::{AccelQuality, Budget, SamplerKind, Strategy};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/hexroom.toml");
 
@@ -578,9 +579,264 @@ fn comparison_refuses_what_it_cannot_compare() {
 fn help_and_version_are_no_errors() {
     let directory = directory();
     let help = succeed(wavepath(&directory).arg("--help"));
-    for command in ["render", "plan", "compare"] {
+    for command in ["render", "plan", "compare", "mesh"] {
         assert!(stdout(&help).contains(command), "{}", stdout(&help));
     }
     let version = succeed(wavepath(&directory).arg("--version"));
     assert!(stdout(&version).starts_with(concat!("wavepath ", env!("CARGO_PKG_VERSION"))));
+}
+
+#[test]
+fn every_kind_of_mesh_is_written_as_announced_and_renders() {
+    let directory = directory();
+    for kind in ["hairball", "terrain", "sponge", "soup"] {
+        let (mesh, scene) = (format!("{kind}.obj"), format!("{kind}.toml"));
+        let options = ["mesh", kind, "--triangles=3000", "--seed=5", "-o", &mesh];
+        let output = succeed(wavepath(&directory).args(options));
+        let text = fs::read_to_string(directory.path().join(&mesh)).unwrap();
+        let faces = text.lines().filter(|line| line.starts_with("f ")).count();
+        assert!((2_112..=3_000).contains(&faces), "{kind}: {faces}");
+        let said = stdout(&output);
+        assert!(
+            said.starts_with(&format!("{kind}, {faces} triangles\nwrote /")),
+            "{said}"
+        );
+        assert!(said.ends_with(&format!("/{mesh}\n")), "{said}");
+        assert_eq!(stderr(&output), "");
+
+        fs::write(
+            directory.path().join(&scene),
+            format!(
+                "film = {{ width = 8, height = 8 }}\nbackground = {{ radiance = 1 }}\n\
+                 cameras.a = {{ eye = [0, -4, 2], look_at = [0, 0, 0], up = [0, 0, 1], fov = 40 }}\n\
+                 materials.grey = {{ type = \"lambertian\", reflectance = 0.5 }}\n\
+                 [[shapes]]\ntype = \"obj\"\nmaterial = \"grey\"\nfile = \"{mesh}\"\n"
+            ),
+        )
+        .unwrap();
+        let image = format!("{kind}.png");
+        let render = ["render", &scene, "--spp=1", "--quiet", "-o", &image];
+        let output = succeed(wavepath(&directory).args(render));
+        assert_eq!((stdout(&output), stderr(&output)), ("", ""), "{kind}");
+        assert_eq!(png_size(&directory.path().join(image)), (8, 8));
+    }
+}
+
+#[test]
+fn quiet_mesh_says_nothing_and_equal_seeds_make_equal_files() {
+    let directory = directory();
+    let mut contents = Vec::new();
+    for (name, seed) in [("a.obj", "1"), ("b.OBJ", "1"), ("c.obj", "2")] {
+        let options = ["mesh", "soup", "--triangles=1000", "-q", "-o", name];
+        let output = succeed(wavepath(&directory).args(options).args(["--seed", seed]));
+        assert_eq!((stdout(&output), stderr(&output)), ("", ""));
+        contents.push(fs::read(directory.path().join(name)).unwrap());
+    }
+    assert_eq!(contents[0], contents[1]);
+    assert_ne!(contents[0], contents[2]);
+}
+
+#[test]
+fn mesh_that_cannot_be_made_or_written_is_refused() {
+    let directory = directory();
+    fs::create_dir(directory.path().join("taken.obj")).unwrap();
+    for (triangles, output, part) in [
+        ("999", "a.obj", "999"),
+        ("30000001", "a.obj", "30000000"),
+        ("-5", "a.obj", "--triangles"),
+        ("1e6", "a.obj", "--triangles"),
+        ("1000", "a.ply", ".obj"),
+        ("1000", "taken.obj", "taken.obj"),
+        ("1000", "missing/a.obj", "missing/a.obj"),
+    ] {
+        let options = ["mesh", "terrain", "--triangles", triangles, "-o", output];
+        let message = refuse(wavepath(&directory).args(options));
+        assert!(message.contains(part), "{message}");
+    }
+    assert_eq!(files(&directory), ["taken.obj"]);
+}
+
+#[test]
+fn interrupted_mesh_leaves_no_file() {
+    let directory = directory();
+    let options = ["mesh", "hairball", "--triangles=30000000", "-o", "a.obj"];
+    let child = start(wavepath(&directory).args(options));
+    interrupt_when_rendering(&child);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert_eq!(stderr(&output), "interrupted; no file was written\n");
+    assert_eq!(files(&directory), Vec::<String>::new());
+}
+
+/// A comparison small enough for a test.
+fn accels<'a>(scene: &'a str, structures: &'a str) -> [&'a str; 9] {
+    [
+        "accels",
+        scene,
+        "--width=64",
+        "--height=48",
+        "--threads=2",
+        "--rounds=2",
+        "--count=5000",
+        "--structures",
+        structures,
+    ]
+}
+
+const CORNELL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell.toml");
+
+#[test]
+fn accels_compares_structures_and_writes_every_figure() {
+    let directory = directory();
+    let output = succeed(
+        wavepath(&directory)
+            .args(accels(
+                CORNELL,
+                "linear,octree,bvh2,bvh8,obvhs-bvh2,obvhs-cwbvh",
+            ))
+            .args(["--set", "render.accel_quality=fast"])
+            .args(["--json", "a.json", "-q"]),
+    );
+    assert_eq!(stderr(&output), "");
+    assert_eq!(files(&directory), ["a.json"]);
+    let text = fs::read_to_string(directory.path().join("a.json")).unwrap();
+    let report: AccelsReport = serde_json::from_str(&text).unwrap();
+    assert_eq!((report.triangles, report.spheres), (32, 0));
+    assert_eq!(report.scene.width, 64);
+    assert_eq!(report.settings.kinds, RayKind::ALL);
+    assert_eq!(report.settings.quality, AccelQuality::Fast);
+    let names: Vec<&str> = report.structures.iter().map(|s| s.name.as_str()).collect();
+    assert_eq!(
+        names,
+        [
+            "linear",
+            "octree",
+            "bvh2",
+            "bvh8",
+            "obvhs-bvh2",
+            "obvhs-cwbvh"
+        ]
+    );
+    for structure in &report.structures {
+        assert!(stdout(&output).contains(&structure.name));
+        assert_eq!(structure.kinds.len(), 4);
+        for figures in &structure.kinds {
+            assert_eq!(figures.rays, 5000);
+            assert_eq!(figures.rounds.len(), 2);
+            assert_eq!(figures.nodes_per_ray.is_some(), structure.own);
+            assert_eq!(figures.differences.rays, 5000);
+            assert!(figures.mrays_per_cpu_second.least > 0.0);
+            assert!(figures.ratio_to_best > 0.0 && figures.ratio_to_best <= 1.0);
+            if structure.own {
+                assert_eq!(figures.differences.differing, 0, "{}", structure.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn accels_leaves_out_who_cannot_take_part_and_says_why() {
+    let directory = directory();
+    // Other projects' structures hold no spheres, and this scene has three.
+    let output = succeed(
+        wavepath(&directory)
+            .args(accels(SCENE, "bvh8,obvhs-bvh2"))
+            .args(["--rays", "primary", "-q"]),
+    );
+    assert!(
+        stderr(&output).contains("obvhs-bvh2 is left out"),
+        "{}",
+        stderr(&output)
+    );
+    assert!(stderr(&output).contains("spheres"));
+    assert!(!stdout(&output).contains("obvhs") && stdout(&output).contains("bvh8"));
+
+    let output = succeed(
+        wavepath(&directory)
+            .env("EMBREE_LIBRARY", directory.path().join("nowhere"))
+            .args(accels(CORNELL, "bvh8,embree-medium"))
+            .args(["--rays", "primary", "-q"]),
+    );
+    assert!(
+        stderr(&output).contains("embree-medium is left out"),
+        "{}",
+        stderr(&output)
+    );
+    assert!(stdout(&output).contains("bvh8"));
+}
+
+#[test]
+fn accels_refuses_what_it_does_not_know() {
+    let directory = directory();
+    let refused = |more: &[&str]| {
+        let mut command = wavepath(&directory);
+        command.args(["accels", CORNELL]).args(more);
+        refuse(&mut command)
+    };
+    let message = refused(&["--structures", "bvh8,oak"]);
+    assert!(
+        message.contains("\"oak\"") && message.contains("bvh8"),
+        "{message}"
+    );
+    assert!(refused(&["--rays", "gamma"]).contains("'gamma'"));
+    assert!(refused(&["--count", "0"]).contains("--count"));
+    assert!(refused(&["--rounds", "0"]).contains("--rounds"));
+    assert!(refused(&["--json", "a.txt"]).contains(".json"));
+    assert!(refused(&["--json", "no/a.json"]).contains("no/a.json"));
+    // Nobody left to compare.
+    let message = {
+        let mut command = wavepath(&directory);
+        command.args(accels(SCENE, "obvhs-bvh2")).arg("-q");
+        let output = command.output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        stderr(&output).to_owned()
+    };
+    assert!(message.contains("none of the structures"), "{message}");
+}
+
+#[test]
+fn a_mesh_renders_without_a_scene_file_and_tells_what_loading_took() {
+    let directory = directory();
+    let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/octahedron.obj");
+    fs::copy(mesh, directory.path().join("stone.v2.obj")).unwrap();
+    let output = succeed(wavepath(&directory).args([
+        "render",
+        "stone.v2.obj",
+        "--width=24",
+        "--height=16",
+        "--spp=4",
+        "--report=r.json",
+    ]));
+    assert!(stdout(&output).contains("stone.v2.obj: 8 triangles, 6 vertices"));
+    assert_eq!(
+        files(&directory),
+        ["r.json", "stone.v2.obj", "stone.v2.png"]
+    );
+    let load = report(&directory.path().join("r.json")).load;
+    let bytes = fs::metadata(mesh).unwrap().len();
+    assert_eq!((load.meshes[0].bytes, load.meshes[0].triangles), (bytes, 8));
+    let picture = image::open(directory.path().join("stone.v2.png")).unwrap();
+    let row = picture.into_rgb8();
+    let (middle, corner) = (row.get_pixel(12, 8), row.get_pixel(0, 0));
+    assert_ne!(
+        middle, corner,
+        "the mesh is in the middle, the sky around it"
+    );
+}
+
+#[test]
+fn warnings_are_one_error_when_strict() {
+    let directory = directory();
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nf 1 2 3\nf 1 1 2\n";
+    fs::write(directory.path().join("a.obj"), text).unwrap();
+    let message = refuse(wavepath(&directory).args(["plan", "a.obj", "--strict"]));
+    for part in [
+        "a.obj: 2 warnings under --strict: ",
+        "1 face of zero area removed (line 6)",
+        "1 vertex of no face removed (line 4)",
+    ] {
+        assert!(message.contains(part), "{message}");
+    }
+    let output = succeed(wavepath(&directory).args(["plan", "a.obj"]));
+    assert_eq!(stderr(&output).lines().count(), 2, "{}", stderr(&output));
 }

@@ -2,13 +2,22 @@
 
 use wavepath::scene::{Budget, IntegratorKind, RenderSettings, SamplerKind, Strategy};
 
+use crate::builder::adorned_room;
 use crate::support::{load, picture};
 
 const SIZE: [u32; 2] = [50, 37];
 
+/// The scene that is made in code: smooth normals, textures, opacity.
+const ADORNED: &str = "adorned room";
+
 /// Bits of every mean and variance.
 fn bits(name: &str, settings: &RenderSettings) -> Vec<u64> {
-    let outcome = picture(&load(name), 0, SIZE, settings);
+    let scene = if name == ADORNED {
+        adorned_room().build()
+    } else {
+        load(name)
+    };
+    let outcome = picture(&scene, 0, SIZE, settings);
     let film = &outcome.film;
     (0..film.len())
         .flat_map(|p| {
@@ -67,7 +76,16 @@ fn cases() -> Vec<(&'static str, RenderSettings)> {
         ),
         ("hexroom.toml", whitted.clone()),
         ("materials.toml", base()),
-        ("materials.toml", whitted),
+        ("materials.toml", whitted.clone()),
+        (ADORNED, base()),
+        (
+            ADORNED,
+            RenderSettings {
+                sampler: SamplerKind::Stratified,
+                transparent_shadows: true,
+                ..whitted
+            },
+        ),
         ("many-lights.toml", base()),
     ]
 }

@@ -1,5 +1,6 @@
 //! What a scene does not need is not there: no queue, no column, no stage, no time.
 
+use wavepath::accel::{Accel, LinearScan};
 use wavepath::compile::compile;
 use wavepath::integrator::plan::{Plan, QueuePlan};
 use wavepath::integrator::stats::RenderStats;
@@ -7,7 +8,7 @@ use wavepath::scene::{
     AccelKind, BsdfDescription, Budget, RenderSettings, SamplerKind, SceneDescription, Strategy,
 };
 
-use crate::builder::{SceneBuilder, glass, lambertian, mirror};
+use crate::builder::{SceneBuilder, adorned_room, glass, lambertian, mirror, sheet};
 use crate::renderer::{endless, path, whitted};
 use crate::support::picture;
 
@@ -38,7 +39,7 @@ type Addition = fn(&mut SceneBuilder);
 
 #[test]
 fn each_feature_is_named_and_costs_bytes_only_where_it_is_needed() {
-    let additions: [(&str, Addition); 9] = [
+    let additions: [(&str, Addition); 13] = [
         ("spheres", |s| {
             let black = s.matter(BsdfDescription::Black);
             s.sphere([0.5; 3], 0.1, black);
@@ -67,6 +68,30 @@ fn each_feature_is_named_and_costs_bytes_only_where_it_is_needed() {
             });
             s.floor(0.1, 0.5, glossy);
         }),
+        ("glossy surfaces", |s| {
+            let half = glam::DVec3::splat(0.5);
+            let glossy = s.matter(BsdfDescription::Glossy {
+                diffuse: half,
+                specular: half,
+                exponent: 5.0,
+            });
+            s.floor(0.1, 0.5, glossy);
+        }),
+        ("smooth normals", |s| {
+            let grey = s.matter(lambertian(0.5));
+            s.attributed_mesh(sheet(0.1, 0.5, [0.1, 0.0, 1.0]), grey);
+        }),
+        ("textures", |s| {
+            let grey = s.matter(lambertian(0.5));
+            let texture = s.texture(1, vec![[9; 3]]);
+            s.paint(grey, texture);
+            s.attributed_mesh(sheet(0.1, 0.5, [0.0; 3]), grey);
+        }),
+        ("opacity", |s| {
+            let grey = s.matter(lambertian(0.5));
+            s.thin(grey, 0.5);
+            s.floor(0.1, 0.5, grey);
+        }),
         ("flat lights", |s| {
             let lamp = s.one_sided(BsdfDescription::Black, 1.0);
             s.ceiling(0.1, 3.0, lamp);
@@ -92,13 +117,45 @@ fn each_feature_is_named_and_costs_bytes_only_where_it_is_needed() {
             !with.left_out.contains(&name),
             "{name} is left out of {with}"
         );
-        // A sphere is found by the same queues as a triangle.
-        if name == "spheres" {
+        // What is looked up at a hit needs no queue and no column.
+        if ["spheres", "smooth normals", "textures", "opacity"].contains(&name) {
             assert_eq!(with.bytes_per_path, least.bytes_per_path);
         } else {
             assert!(with.bytes_per_path > least.bytes_per_path, "{name}");
         }
     }
+}
+
+#[test]
+fn attributes_and_pictures_that_nothing_shows_are_left_out() {
+    let mut scene = bare_floor(lambertian(0.5));
+    let grey = scene.matter(lambertian(0.5));
+    let white = scene.texture(1, vec![[255; 3]]);
+    let painted = scene.matter(lambertian(0.5));
+    scene.paint(painted, white);
+    // Coordinates without a texture, a texture without coordinates, normals without a direction.
+    let mut mesh = sheet(0.5, 0.5, [f32::NAN, 0.0, 1.0]);
+    scene.attributed_mesh(mesh.clone(), grey);
+    scene.floor(0.2, 0.3, painted);
+    let settings = endless(Strategy::Mis);
+    let compiled = compile(&scene.build(), 0, 16, 16, &settings).expect("the scene is sound");
+    assert_eq!(compiled.surfaces.uvs.bytes(), 0);
+    assert!(compiled.textures.is_empty());
+    for name in ["textures", "opacity"] {
+        assert!(plan(&scene.build(), &settings).left_out.contains(&name));
+    }
+    // One texture, however many materials show it; three indices per triangle.
+    let again = scene.matter(lambertian(0.3));
+    scene.paint(again, white);
+    scene.cut_out(again, white);
+    mesh.normals = vec![[0.0, 0.0, 2.0]];
+    scene.attributed_mesh(mesh.clone(), again);
+    scene.attributed_mesh(mesh, painted);
+    let compiled = compile(&scene.build(), 0, 16, 16, &settings).expect("the scene is sound");
+    assert_eq!(compiled.textures.len(), 1);
+    let triangles = compiled.surfaces.first_sphere as usize;
+    assert_eq!(triangles, 2 * 5);
+    assert_eq!(compiled.surfaces.uvs.bytes(), 12 * triangles + 8 * 4 * 2);
 }
 
 #[test]
@@ -236,13 +293,32 @@ fn the_structure_that_is_asked_for_is_planned() {
     let scene = bare_floor(lambertian(0.5)).build();
     for (accel, name) in [
         (AccelKind::Linear, "linear"),
+        (AccelKind::Octree, "octree"),
         (AccelKind::Bvh2, "bvh2"),
         (AccelKind::Bvh8, "bvh8"),
+        (AccelKind::Packet, "packet"),
     ] {
         let settings = RenderSettings {
             accel,
             ..endless(Strategy::Mis)
         };
         assert_eq!(plan(&scene, &settings).accel, name);
+    }
+}
+
+#[test]
+fn primitives_of_a_compiled_scene_are_those_that_its_structure_was_built_over() {
+    let mut spheres = bare_floor(lambertian(0.5));
+    let black = spheres.matter(BsdfDescription::Black);
+    spheres.sphere([0.5; 3], 0.1, black);
+    let settings = RenderSettings {
+        accel: AccelKind::Linear,
+        ..endless(Strategy::Mis)
+    };
+    for scene in [spheres.build(), adorned_room().build()] {
+        let compiled = compile(&scene, 0, 16, 16, &settings).expect("the scene is sound");
+        // The scan's size tells how many faces were merged: those with attributes are not.
+        let scan = LinearScan::new(&compiled.geometry(&scene));
+        assert_eq!(scan.bytes(), compiled.accel.bytes());
     }
 }

@@ -1,6 +1,7 @@
 //! The integration tests, as one binary.
 
 mod agreement;
+mod appearance;
 mod auxiliary;
 mod builder;
 mod cli;
@@ -9,6 +10,7 @@ mod determinism;
 mod extremes;
 mod features;
 mod furnace;
+mod meshes;
 mod oracles;
 mod reference;
 mod renderer;

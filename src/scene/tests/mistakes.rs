@@ -132,6 +132,15 @@ fn unknown_names_are_errors() {
         "mesh = @\"donut\"",
         "unknown mesh `donut`",
     );
+    for (key, message) in [
+        ("triangles = @999", "between 1000 and 30000000, got 999"),
+        ("seed = @-1", "`seed` must be between 0"),
+        ("@sides = 4", "unknown key `sides`"),
+    ] {
+        let soup = format!("mesh = \"soup\"\nmaterial = \"shiny\"\n{key}");
+        let torus = "mesh = \"torus\"\nmaterial = \"shiny\"\nsegments = 8\nsides = 4";
+        assert_mistake(torus, &soup, message);
+    }
     assert_mistake(
         "ior = 1.5",
         "ior = 1.5\nfresnel = @\"none\"",
@@ -178,6 +187,33 @@ fn numbers_outside_their_range_are_errors() {
     for exponent in ["-1", "1.1e6", "nan", "inf"] {
         let wrong = format!("exponent = @{exponent}");
         assert_mistake("exponent = 10", &wrong, "`exponent` must be in [0, 1e6]");
+    }
+    let glossy = |keys: &str| {
+        let replaced = "reflectance = 0.5\nexponent = 10";
+        (replaced, format!("{keys}\nexponent = 10"))
+    };
+    for (keys, message) in [
+        (
+            "diffuse = 0.5\nspecular = @0.6",
+            "`diffuse` + `specular` must be at most 1",
+        ),
+        (
+            "diffuse = [0, 0.2, 0.3]\nspecular = @[1, 0.8, 0.71]",
+            "must be at most 1",
+        ),
+        (
+            "diffuse = @-0.1\nspecular = 0",
+            "`diffuse` must be in [0, 1]",
+        ),
+        (
+            "diffuse = 0\nspecular = @1.5",
+            "`specular` must be in [0, 1]",
+        ),
+    ] {
+        let (right, wrong) = glossy(keys);
+        let text = VALID.replace("type = \"phong\"", "type = \"glossy\"");
+        assert_eq!(text.matches(right).count(), 1);
+        assert_error_at_mark(&text.replace(right, &wrong), message);
     }
     for albedo in ["[@-0.1, 0, 0]", "[0, @1.01, 0]", "[0, 0, @nan]", "@1.5"] {
         let wrong = format!("reflectance = {albedo}");

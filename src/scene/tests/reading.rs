@@ -92,6 +92,25 @@ fn infinite_sigma_is_allowed() {
 }
 
 #[test]
+fn glossy_surfaces_may_reflect_everything() {
+    let text = VALID
+        .replace("type = \"phong\"", "type = \"glossy\"")
+        .replace(
+            "reflectance = 0.5\nexp",
+            "diffuse = [0.7, 0, 0.2]\nspecular = 0.3\nexp",
+        );
+    let scene = parse(text, Path::new("x.toml"), &[]).unwrap();
+    assert_eq!(
+        scene.materials[3].bsdf,
+        BsdfDescription::Glossy {
+            diffuse: DVec3::new(0.7, 0.0, 0.2),
+            specular: DVec3::splat(0.3),
+            exponent: 10.0,
+        }
+    );
+}
+
+#[test]
 fn any_material_may_emit_on_both_sides() {
     let scene = parse_valid(&[
         "materials.glass.emission=2",
@@ -153,4 +172,25 @@ fn the_scene_of_the_readme_loads() {
     let scene = parse(example, Path::new("example.toml"), &[]).unwrap();
     assert_eq!(scene.shapes.len(), 2);
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+}
+
+#[test]
+fn meshes_of_any_size_are_made_by_their_names() {
+    for (mesh, faces) in [
+        ("mesh = \"hairball\"\ntriangles = 1000", 1_000),
+        ("mesh = \"terrain\"\ntriangles = 1800\nseed = 3", 1_800),
+        ("mesh = \"sponge\"\ntriangles = 2500", 2_112),
+        ("mesh = \"soup\"", 100_000),
+    ] {
+        let text = VALID.replace(
+            "mesh = \"torus\"\nmaterial = \"shiny\"\nsegments = 8\nsides = 4",
+            &format!("{mesh}\nmaterial = \"shiny\""),
+        );
+        let scene = parse(text, Path::new("a.toml"), &[]).unwrap();
+        let ShapeGeometry::Mesh(made) = &scene.shapes[3].geometry else {
+            panic!("{mesh} is no mesh");
+        };
+        assert_eq!(made.faces.len(), faces, "{mesh}");
+        assert_eq!(scene.warnings, Vec::<String>::new(), "{mesh}");
+    }
 }
