@@ -225,11 +225,12 @@ fn intersect(criterion: &mut Criterion) {
     let in_room = ([0.0, -5.0, -4.9], [10.0, 5.0, 4.9]);
     let in_mesh = ([-2.0; 3], [2.0; 3]);
     let linear = (Structure::Linear, "linear");
+    let octree = (Structure::Octree, "octree");
     let (bvh2, bvh8) = ((Structure::Bvh2, "bvh2"), (Structure::Bvh8, "bvh8"));
     for (scene, geometry, (low, high), structures) in [
-        ("room", &room, in_room, &[linear, bvh2, bvh8][..]),
+        ("room", &room, in_room, &[linear, octree, bvh2, bvh8][..]),
         ("room-unmerged", &unmerged, in_room, &[linear][..]),
-        ("icosphere", &mesh, in_mesh, &[bvh2, bvh8][..]),
+        ("icosphere", &mesh, in_mesh, &[octree, bvh2, bvh8][..]),
     ] {
         let mut rays = Rays::incoherent(low, high);
         for &(structure, name) in structures {

@@ -10,6 +10,7 @@ mod leaf;
 mod linear;
 mod morton;
 mod octant;
+mod octree;
 mod packet;
 mod ploc;
 mod polygon;
@@ -26,6 +27,7 @@ pub use build_options::{BuildOptions, BuildPhase, BuildQuality};
 pub use bvh2::Bvh2;
 pub use bvh8::Bvh8;
 pub use linear::LinearScan;
+pub use octree::Octree;
 
 use crate::error::{Error, Result};
 use crate::geometry::Geometry;
@@ -35,6 +37,8 @@ use crate::geometry::Geometry;
 pub enum Structure {
     /// [`LinearScan`].
     Linear,
+    /// [`Octree`].
+    Octree,
     /// [`Bvh2`].
     Bvh2,
     /// [`Bvh8`].
@@ -76,6 +80,7 @@ pub fn build_with(
     check_limit(geometry.len())?;
     Ok(match structure {
         Structure::Linear => Box::new(LinearScan::new(geometry)),
+        Structure::Octree => Box::new(Octree::new(geometry)),
         Structure::Bvh2 => Box::new(Bvh2::with_options(geometry, options)),
         Structure::Bvh8 => Box::new(Bvh8::new(geometry, options)?),
         Structure::Packet => Box::new(Bvh8::packets(geometry, options)?),

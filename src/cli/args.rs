@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
+use crate::scene::procedural::ScalableKind;
 use crate::scene::{AccelKind, IntegratorKind, SamplerKind, Strategy};
 
 /// A data-oriented wavefront path tracer for CPUs.
@@ -27,6 +28,8 @@ pub(super) enum Command {
     Plan(Box<SceneArgs>),
     /// Compare an image with a reference
     Compare(CompareArgs),
+    /// Make a mesh of any size, for measuring how cost grows with the number of triangles
+    Mesh(MeshArgs),
 }
 
 /// What decides how a scene is compiled.
@@ -161,6 +164,35 @@ pub(super) struct CompareArgs {
     /// Write the relative difference of luminance: red where A is brighter, blue where B is
     #[arg(long, value_name = "FILE.png")]
     pub(super) diff: Option<PathBuf>,
+}
+
+/// `wavepath mesh`
+#[derive(Debug, clap::Args)]
+pub(super) struct MeshArgs {
+    /// What to make; it fits into [-1, 1]³
+    pub(super) kind: ScalableKind,
+
+    /// Most triangles, 1000 to 30000000: a hairball may have 7 less, a terrain a row less, and a sponge
+    /// comes in steps
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) triangles: u32,
+
+    /// Wavefront OBJ file to write
+    #[arg(short, long, value_name = "FILE.obj")]
+    pub(super) output: PathBuf,
+
+    /// Seed of the random numbers; a sponge has none
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        allow_negative_numbers = true
+    )]
+    pub(super) seed: u64,
+
+    /// Show neither progress nor summary
+    #[arg(short, long)]
+    pub(super) quiet: bool,
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ mod args;
 mod compare;
 mod interrupt;
 mod job;
+mod mesh;
 mod plan;
 mod progress;
 mod render;
@@ -30,7 +31,7 @@ pub enum Status {
     Done,
     /// The images differ by more than was allowed: exit code 1.
     Exceeded,
-    /// It was interrupted and has written what there was: exit code 130, as shells report SIGINT.
+    /// It was interrupted: exit code 130, as shells report SIGINT. A render has written what there was.
     Interrupted,
 }
 
@@ -57,6 +58,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Result<Status> {
         Some(Command::Render(args)) => render::run(&RenderJob::new(&args)?),
         Some(Command::Plan(args)) => plan::run(&SceneJob::new(&args)?),
         Some(Command::Compare(args)) => compare::run(&args),
+        Some(Command::Mesh(args)) => mesh::run(&args),
     }
 }
 
@@ -129,6 +131,11 @@ mod tests {
             ),
             (vec!["render"], vec!["<SCENE>"]),
             (vec!["compare", "a.exr"], vec!["<B>"]),
+            (vec!["mesh", "soup", "-o", "a.obj"], vec!["--triangles"]),
+            (
+                vec!["mesh", "cube", "--triangles=1000", "-o", "a.obj"],
+                vec!["'cube'", "hairball", "terrain", "sponge", "soup"],
+            ),
             (vec!["paint"], vec!["'paint'"]),
         ] {
             let message = usage_error(&args);

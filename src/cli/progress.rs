@@ -36,6 +36,17 @@ pub(super) struct ProgressDisplay {
     shown: Mutex<Instant>,
 }
 
+/// A bar over `length` triangles to be written; invisible if `quiet` or where the output is no terminal.
+pub(super) fn triangle_bar(length: u32, quiet: bool) -> ProgressBar {
+    if quiet || !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style =
+        ProgressStyle::with_template("{bar:30} {percent:>3} %, {human_pos} triangles, {eta} left")
+            .expect("the template is a constant and well formed");
+    ProgressBar::new(length.into()).with_style(style)
+}
+
 impl ProgressDisplay {
     pub(super) fn new(quiet: bool) -> Self {
         let (target, interval) = if quiet {

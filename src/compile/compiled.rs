@@ -156,6 +156,7 @@ pub fn compile(
     let structure = match settings.accel {
         AccelKind::Auto => accel::auto(&tables.geometry),
         AccelKind::Linear => Structure::Linear,
+        AccelKind::Octree => Structure::Octree,
         AccelKind::Bvh2 => Structure::Bvh2,
         AccelKind::Bvh8 => Structure::Bvh8,
     };

@@ -7,6 +7,8 @@ pub mod sphere;
 pub(crate) mod testing;
 pub mod triangle;
 
+use slab::Bounds;
+
 pub use hit::{SurfacePoint, spawn_origin, sphere_point, triangle_point};
 
 /// Index of a primitive: triangles first, then spheres.
@@ -54,6 +56,20 @@ impl Geometry {
     /// Number of primitives.
     pub fn len(&self) -> usize {
         self.triangles.len() + self.spheres.len()
+    }
+
+    /// Boxes of all primitives, in the order of their ids: exact for triangles, and for spheres rounded
+    /// outward, so that no point of one is outside.
+    pub fn bounds(&self) -> impl Iterator<Item = Bounds> {
+        let triangles = self.triangles.iter();
+        let triangles = triangles.map(|triangle| Bounds::of(&triangle.corners));
+        let spheres = self.spheres.iter().map(|sphere| Bounds {
+            corners: [
+                sphere.center.map(|c| (c - sphere.radius).next_down()),
+                sphere.center.map(|c| (c + sphere.radius).next_up()),
+            ],
+        });
+        triangles.chain(spheres)
     }
 
     /// Whether there is nothing.

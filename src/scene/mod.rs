@@ -92,6 +92,8 @@
 //! | `icosphere` | about the origin; `radius = 1`, `subdivisions = 3` (0 to 9): 20·4ⁿ faces |
 //! | `torus` | about the z axis; `radius = 1`, `tube_radius = 0.25`, `segments = 64` around the axis, `sides = 32` around the tube (3 to 2048) |
 //! | `grid` | unit square in z = 0 about the origin, facing +z; `cells = [16, 16]` (1 to 2048) |
+//! | `hairball`, `terrain`, `soup` | thin tubes that grow from a small sphere, a fractal heightfield with z up, random triangles; in [−1, 1]³; `triangles = 100000` (1000 to 30000000), at most so many; `seed = 0` (0 to 4294967295) |
+//! | `sponge` | Menger's, in [−1, 1]³; `triangles = 100000`: the largest of 144, 2112, 36096, 672768 and 13062144 that is not more |
 //!
 //! `scale` (one factor or one per axis, not 0) is applied before `translate`; fronts stay fronts
 //! under negative factors. Of an OBJ file only positions and faces are used; polygons become

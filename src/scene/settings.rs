@@ -44,6 +44,8 @@ pub enum AccelKind {
     Auto,
     /// No structure: every ray against every primitive, lanes of rays at a time.
     Linear,
+    /// Tree of cubes, each halved along all axes.
+    Octree,
     /// Binary tree.
     Bvh2,
     /// 8-wide tree.

@@ -6,7 +6,8 @@ use glam::DVec3;
 
 use super::description::{MaterialId, Mesh, ShapeDescription, ShapeGeometry};
 use super::document::{Fields, Node, one_of};
-use super::{mesh, obj, procedural, values};
+use super::procedural::{self, ScalableKind, ScalableMesh};
+use super::{mesh, obj, values};
 use crate::error::Result;
 
 /// How far from its plane a quad's last corner may lie, as a share of the quad's size: looser than
@@ -18,6 +19,9 @@ const MAX_SUBDIVISIONS: u32 = 9;
 
 /// Segments, sides or cells of a procedural mesh along one direction: 8.4 million faces in two.
 const MAX_STEPS: u32 = 2048;
+
+/// Triangles of a mesh of any size, unless it says otherwise.
+const DEFAULT_TRIANGLES: u32 = 100_000;
 
 const TYPES: [&str; 5] = ["quad", "triangles", "sphere", "obj", "mesh"];
 const COMMON_KEYS: [&str; 3] = ["name", "material", "type"];
@@ -190,7 +194,17 @@ fn cleaned(mut mesh: Mesh, node: &Node, warnings: &mut Vec<String>) -> Result<Me
 
 /// Which procedural mesh `node` is, for messages, and its keys.
 fn mesh_keys(node: &Node) -> Result<(&'static str, &'static [&'static str])> {
-    const MESHES: [&str; 4] = ["box", "icosphere", "torus", "grid"];
+    const MESHES: [&str; 8] = [
+        "box",
+        "icosphere",
+        "torus",
+        "grid",
+        "hairball",
+        "terrain",
+        "sponge",
+        "soup",
+    ];
+    const SEEDED_KEYS: &[&str] = &["mesh", "scale", "translate", "triangles", "seed"];
     let entry = node.table()?.iter().find(|entry| entry.key == "mesh");
     let entry = entry.ok_or_else(|| node.spot.error("a shape of type `mesh` needs `mesh`"))?;
     Ok(match one_of(&entry.node, "mesh", &MESHES)? {
@@ -211,6 +225,13 @@ fn mesh_keys(node: &Node) -> Result<(&'static str, &'static [&'static str])> {
                 "sides",
             ],
         ),
+        "hairball" => ("mesh `hairball`", SEEDED_KEYS),
+        "terrain" => ("mesh `terrain`", SEEDED_KEYS),
+        "sponge" => (
+            "mesh `sponge`",
+            &["mesh", "scale", "translate", "triangles"],
+        ),
+        "soup" => ("mesh `soup`", SEEDED_KEYS),
         _ => ("mesh `grid`", &["mesh", "scale", "translate", "cells"]),
     })
 }
@@ -224,7 +245,17 @@ fn make_mesh(fields: &Fields<'_>) -> Result<Mesh> {
         Some(node) => values::integer(node, key, min, max),
         None => Ok(default),
     };
+    let scalable = |kind| {
+        let (min, max) = (ScalableMesh::MIN_TRIANGLES, ScalableMesh::MAX_TRIANGLES);
+        let triangles = count("triangles", min, max, DEFAULT_TRIANGLES)?;
+        let seed = count("seed", 0, u32::MAX, 0)?;
+        Ok(ScalableMesh::new(kind, triangles, seed.into())?.to_mesh())
+    };
     Ok(match fields.required("mesh")?.string()? {
+        "hairball" => scalable(ScalableKind::Hairball)?,
+        "terrain" => scalable(ScalableKind::Terrain)?,
+        "sponge" => scalable(ScalableKind::Sponge)?,
+        "soup" => scalable(ScalableKind::Soup)?,
         "box" => procedural::cuboid(match fields.optional("size") {
             Some(node) => read_size(node)?,
             None => DVec3::ONE,

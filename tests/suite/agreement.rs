@@ -4,9 +4,10 @@
 
 use wavepath::reference::{RayCounts, Reference};
 use wavepath::scene::{
-    AccelKind, Budget, IntegratorKind, RenderSettings, SamplerKind, SceneDescription, Strategy,
+    Budget, IntegratorKind, RenderSettings, SamplerKind, SceneDescription, Strategy,
 };
 
+use crate::renderer::STRUCTURES;
 use crate::support::{estimate, load, picture, scene_files};
 use crate::ztest::{ImageEstimate, compare};
 
@@ -47,7 +48,7 @@ fn combinations(base: &RenderSettings) -> Vec<RenderSettings> {
     let mut all = Vec::new();
     for strategy in [Strategy::Mis, Strategy::Nee, Strategy::Bsdf] {
         for sampler in [SamplerKind::Independent, SamplerKind::Stratified] {
-            for accel in [AccelKind::Linear, AccelKind::Bvh2, AccelKind::Bvh8] {
+            for accel in STRUCTURES {
                 // Strata need blocks to fill; independent samples give the best variance one by one.
                 let block = if sampler == SamplerKind::Stratified {
                     8
@@ -128,7 +129,7 @@ fn the_camera_on_the_edge_of_the_room_agrees_and_shows_no_line() {
         block: 1,
         ..RenderSettings::from_defaults(&scene.render)
     };
-    for accel in [AccelKind::Linear, AccelKind::Bvh2, AccelKind::Bvh8] {
+    for accel in STRUCTURES {
         let ours = render(
             &scene,
             camera,

@@ -578,9 +578,91 @@ fn comparison_refuses_what_it_cannot_compare() {
 fn help_and_version_are_no_errors() {
     let directory = directory();
     let help = succeed(wavepath(&directory).arg("--help"));
-    for command in ["render", "plan", "compare"] {
+    for command in ["render", "plan", "compare", "mesh"] {
         assert!(stdout(&help).contains(command), "{}", stdout(&help));
     }
     let version = succeed(wavepath(&directory).arg("--version"));
     assert!(stdout(&version).starts_with(concat!("wavepath ", env!("CARGO_PKG_VERSION"))));
+}
+
+#[test]
+fn every_kind_of_mesh_is_written_as_announced_and_renders() {
+    let directory = directory();
+    for kind in ["hairball", "terrain", "sponge", "soup"] {
+        let (mesh, scene) = (format!("{kind}.obj"), format!("{kind}.toml"));
+        let options = ["mesh", kind, "--triangles=3000", "--seed=5", "-o", &mesh];
+        let output = succeed(wavepath(&directory).args(options));
+        let text = fs::read_to_string(directory.path().join(&mesh)).unwrap();
+        let faces = text.lines().filter(|line| line.starts_with("f ")).count();
+        assert!((2_112..=3_000).contains(&faces), "{kind}: {faces}");
+        let said = stdout(&output);
+        assert!(
+            said.starts_with(&format!("{kind}, {faces} triangles\nwrote /")),
+            "{said}"
+        );
+        assert!(said.ends_with(&format!("/{mesh}\n")), "{said}");
+        assert_eq!(stderr(&output), "");
+
+        fs::write(
+            directory.path().join(&scene),
+            format!(
+                "film = {{ width = 8, height = 8 }}\nbackground = {{ radiance = 1 }}\n\
+                 cameras.a = {{ eye = [0, -4, 2], look_at = [0, 0, 0], up = [0, 0, 1], fov = 40 }}\n\
+                 materials.grey = {{ type = \"lambertian\", reflectance = 0.5 }}\n\
+                 [[shapes]]\ntype = \"obj\"\nmaterial = \"grey\"\nfile = \"{mesh}\"\n"
+            ),
+        )
+        .unwrap();
+        let image = format!("{kind}.png");
+        let render = ["render", &scene, "--spp=1", "--quiet", "-o", &image];
+        let output = succeed(wavepath(&directory).args(render));
+        assert_eq!((stdout(&output), stderr(&output)), ("", ""), "{kind}");
+        assert_eq!(png_size(&directory.path().join(image)), (8, 8));
+    }
+}
+
+#[test]
+fn quiet_mesh_says_nothing_and_equal_seeds_make_equal_files() {
+    let directory = directory();
+    let mut contents = Vec::new();
+    for (name, seed) in [("a.obj", "1"), ("b.OBJ", "1"), ("c.obj", "2")] {
+        let options = ["mesh", "soup", "--triangles=1000", "-q", "-o", name];
+        let output = succeed(wavepath(&directory).args(options).args(["--seed", seed]));
+        assert_eq!((stdout(&output), stderr(&output)), ("", ""));
+        contents.push(fs::read(directory.path().join(name)).unwrap());
+    }
+    assert_eq!(contents[0], contents[1]);
+    assert_ne!(contents[0], contents[2]);
+}
+
+#[test]
+fn mesh_that_cannot_be_made_or_written_is_refused() {
+    let directory = directory();
+    fs::create_dir(directory.path().join("taken.obj")).unwrap();
+    for (triangles, output, part) in [
+        ("999", "a.obj", "999"),
+        ("30000001", "a.obj", "30000000"),
+        ("-5", "a.obj", "--triangles"),
+        ("1e6", "a.obj", "--triangles"),
+        ("1000", "a.ply", ".obj"),
+        ("1000", "taken.obj", "taken.obj"),
+        ("1000", "missing/a.obj", "missing/a.obj"),
+    ] {
+        let options = ["mesh", "terrain", "--triangles", triangles, "-o", output];
+        let message = refuse(wavepath(&directory).args(options));
+        assert!(message.contains(part), "{message}");
+    }
+    assert_eq!(files(&directory), ["taken.obj"]);
+}
+
+#[test]
+fn interrupted_mesh_leaves_no_file() {
+    let directory = directory();
+    let options = ["mesh", "hairball", "--triangles=30000000", "-o", "a.obj"];
+    let child = start(wavepath(&directory).args(options));
+    interrupt_when_rendering(&child);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert_eq!(stderr(&output), "interrupted; no file was written\n");
+    assert_eq!(files(&directory), Vec::<String>::new());
 }

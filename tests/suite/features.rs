@@ -236,6 +236,7 @@ fn the_structure_that_is_asked_for_is_planned() {
     let scene = bare_floor(lambertian(0.5)).build();
     for (accel, name) in [
         (AccelKind::Linear, "linear"),
+        (AccelKind::Octree, "octree"),
         (AccelKind::Bvh2, "bvh2"),
         (AccelKind::Bvh8, "bvh8"),
     ] {

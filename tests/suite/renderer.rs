@@ -9,7 +9,12 @@ use crate::support::{estimate, picture};
 use crate::ztest::ImageEstimate;
 
 pub(crate) const STRATEGIES: [Strategy; 3] = [Strategy::Mis, Strategy::Nee, Strategy::Bsdf];
-pub(crate) const STRUCTURES: [AccelKind; 3] = [AccelKind::Linear, AccelKind::Bvh2, AccelKind::Bvh8];
+pub(crate) const STRUCTURES: [AccelKind; 4] = [
+    AccelKind::Linear,
+    AccelKind::Octree,
+    AccelKind::Bvh2,
+    AccelKind::Bvh8,
+];
 
 /// Path tracing to any depth, without roulette: for scenes that paths leave.
 pub(crate) fn endless(strategy: Strategy) -> RenderSettings {

@@ -132,6 +132,15 @@ fn unknown_names_are_errors() {
         "mesh = @\"donut\"",
         "unknown mesh `donut`",
     );
+    for (key, message) in [
+        ("triangles = @999", "between 1000 and 30000000, got 999"),
+        ("seed = @-1", "`seed` must be between 0"),
+        ("@sides = 4", "unknown key `sides`"),
+    ] {
+        let soup = format!("mesh = \"soup\"\nmaterial = \"shiny\"\n{key}");
+        let torus = "mesh = \"torus\"\nmaterial = \"shiny\"\nsegments = 8\nsides = 4";
+        assert_mistake(torus, &soup, message);
+    }
     assert_mistake(
         "ior = 1.5",
         "ior = 1.5\nfresnel = @\"none\"",

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 
 use super::*;
+use crate::scene::procedural::{ObjWriter, ScalableKind, ScalableMesh};
 
 #[test]
 fn an_obj_file_is_read_scaled_and_moved() {
@@ -178,4 +179,28 @@ fn meshes_of_the_world_never_panic() {
 )]
 fn eprintln_skipped() {
     eprintln!("skipped: set WAVEPATH_MESHES to a folder of OBJ files");
+}
+
+#[test]
+fn a_generated_mesh_written_as_obj_is_read_back_to_the_last_bit() {
+    for kind in ScalableKind::ALL {
+        let generated = ScalableMesh::new(kind, 1_000, 9).unwrap();
+        let mut bytes = Vec::new();
+        let mut writer = ObjWriter::new(&mut bytes, "a comment").unwrap();
+        generated.make(&mut writer).unwrap();
+        writer.finish().unwrap();
+        let expected = generated.to_mesh();
+        let scene = load_obj(&bytes, "").unwrap();
+        let read = mesh_of(&scene);
+        assert_eq!(scene.warnings, Vec::<String>::new(), "{kind:?}");
+        assert_eq!(read.faces.len(), expected.faces.len());
+        // Vertices may be renumbered, corners not; positions are decimals of f32.
+        let corners = |mesh: &Mesh| -> Vec<_> {
+            let faces = mesh.faces.iter().flatten();
+            faces
+                .map(|&vertex| mesh.positions[vertex as usize].as_vec3())
+                .collect()
+        };
+        assert_eq!(corners(read), corners(&expected), "{kind:?}");
+    }
 }

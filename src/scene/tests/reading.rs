@@ -154,3 +154,24 @@ fn the_scene_of_the_readme_loads() {
     assert_eq!(scene.shapes.len(), 2);
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
+
+#[test]
+fn meshes_of_any_size_are_made_by_their_names() {
+    for (mesh, faces) in [
+        ("mesh = \"hairball\"\ntriangles = 1000", 1_000),
+        ("mesh = \"terrain\"\ntriangles = 1800\nseed = 3", 1_800),
+        ("mesh = \"sponge\"\ntriangles = 2500", 2_112),
+        ("mesh = \"soup\"", 100_000),
+    ] {
+        let text = VALID.replace(
+            "mesh = \"torus\"\nmaterial = \"shiny\"\nsegments = 8\nsides = 4",
+            &format!("{mesh}\nmaterial = \"shiny\""),
+        );
+        let scene = parse(text, Path::new("a.toml"), &[]).unwrap();
+        let ShapeGeometry::Mesh(made) = &scene.shapes[3].geometry else {
+            panic!("{mesh} is no mesh");
+        };
+        assert_eq!(made.faces.len(), faces, "{mesh}");
+        assert_eq!(scene.warnings, Vec::<String>::new(), "{mesh}");
+    }
+}

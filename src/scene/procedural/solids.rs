@@ -1,11 +1,11 @@
-//! Meshes made by formula. Closed ones have their normals outward.
+//! Simple solids and the flat grid, of some thousand faces.
 
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
-use super::description::Mesh;
+use crate::scene::Mesh;
 
 /// A box of these edge lengths about the origin: 8 vertices, 12 faces.
 pub fn cuboid(size: DVec3) -> Mesh {
@@ -149,32 +149,9 @@ pub fn grid(cells: [u32; 2]) -> Mesh {
 
 #[cfg(test)]
 mod tests {
+    use super::super::testing::{corners, is_closed, volume};
     use super::*;
     use std::f64::consts::PI;
-
-    fn corners(mesh: &Mesh) -> impl Iterator<Item = [DVec3; 3]> {
-        mesh.faces
-            .iter()
-            .map(|face| face.map(|index| mesh.positions[index as usize]))
-    }
-
-    /// By the divergence theorem; positive if normals are outward.
-    fn volume(mesh: &Mesh) -> f64 {
-        corners(mesh).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
-    }
-
-    /// Whether each edge is walked once in each direction: closed, and oriented one way.
-    fn is_closed(mesh: &Mesh) -> bool {
-        let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
-        for &[a, b, c] in &mesh.faces {
-            for edge in [(a, b), (b, c), (c, a)] {
-                *edges.entry(edge).or_default() += 1;
-            }
-        }
-        edges
-            .iter()
-            .all(|(&(a, b), &count)| count == 1 && edges.get(&(b, a)) == Some(&1))
-    }
 
     #[test]
     fn a_cuboid_is_closed_and_has_its_volume() {
