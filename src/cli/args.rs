@@ -35,8 +35,12 @@ pub(super) enum Command {
 /// What decides how a scene is compiled.
 #[derive(Debug, clap::Args)]
 pub(super) struct SceneArgs {
-    /// Scene file (TOML)
+    /// Scene file (TOML), or a mesh (.obj, .obj.gz, .obj.zst), which gets a camera, a sky and a sun
     pub(super) scene: PathBuf,
+
+    /// End with an error where there would be warnings about the scene
+    #[arg(long)]
+    pub(super) strict: bool,
 
     /// Camera, by its name in the scene [default: the scene's first]
     #[arg(long, value_name = "NAME")]

@@ -1,11 +1,10 @@
 //! What the arguments mean, after every check that needs no rendering.
 
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::film::{ImageFormat, check_memory, check_writable};
-use crate::report::{Span, Stopwatch};
+use crate::report::{LoadReport, Stopwatch};
 use crate::scene::{self, Budget, RenderSettings, SceneDescription};
 
 use super::args::{BudgetArgs, RenderArgs, SceneArgs};
@@ -35,8 +34,8 @@ pub(super) struct SceneJob {
     /// Index into the scene's cameras.
     pub(super) camera: usize,
     pub(super) settings: RenderSettings,
-    /// Time that loading took.
-    pub(super) load: Span,
+    /// What loading took.
+    pub(super) load: LoadReport,
 }
 
 /// A render with everything that it needs, files found to be writable.
@@ -54,7 +53,10 @@ impl SceneJob {
         check_scene_args(args)?;
         let watch = Stopwatch::start();
         let mut scene = scene::load(&args.scene, &args.set)?;
-        let load = watch.span();
+        let load = LoadReport::new(watch.span(), &scene.mesh_files);
+        if args.strict {
+            check_warnings(&scene)?;
+        }
         scene.film.width = args.width.unwrap_or(scene.film.width);
         scene.film.height = args.height.unwrap_or(scene.film.height);
         let camera = args
@@ -93,7 +95,7 @@ impl SceneJob {
         } else {
             scene::parse(BUILT_IN_TEXT, path, &[])?
         };
-        let load = watch.span();
+        let load = LoadReport::new(watch.span(), &scene.mesh_files);
         let settings = RenderSettings::from_defaults(&scene.render);
         Ok(Self {
             scene,
@@ -105,7 +107,9 @@ impl SceneJob {
 
     /// The scene's name: its file without the extension.
     pub(super) fn name(&self) -> String {
-        stem(&self.scene.source).to_string_lossy().into_owned()
+        scene::name(&self.scene.source)
+            .to_string_lossy()
+            .into_owned()
     }
 
     /// Name of the chosen camera.
@@ -167,6 +171,17 @@ fn check_scene_args(args: &SceneArgs) -> Result<()> {
     check_range("--max-depth", args.max_depth, 1, u32::MAX)?;
     check_range("--wave", args.wave, 1, MAX_WAVE)?;
     check_range("--block", args.block, 1, MAX_BLOCK)
+}
+
+/// Errors with all warnings about the scene, if there are any.
+fn check_warnings(scene: &SceneDescription) -> Result<()> {
+    let warnings = &scene.warnings;
+    if warnings.is_empty() {
+        return Ok(());
+    }
+    let listed = warnings.join("; ");
+    let message = format!("{} warnings under --strict: {listed}", warnings.len());
+    Err(Error::file(&scene.source, message))
 }
 
 /// The limit that was typed, if one was.
@@ -257,13 +272,9 @@ fn find_camera(scene: &SceneDescription, name: &str) -> Result<usize> {
 
 /// The image of a scene if none is named: its name with `.png`, in the current directory.
 fn default_image(scene: &Path) -> PathBuf {
-    let mut name = stem(scene).to_owned();
+    let mut name = scene::name(scene).to_owned();
     name.push(".png");
     PathBuf::from(name)
-}
-
-fn stem(path: &Path) -> &OsStr {
-    path.file_stem().unwrap_or(OsStr::new("scene"))
 }
 
 #[cfg(test)]
@@ -320,6 +331,8 @@ mod tests {
             Path::new("room.v2.png")
         );
         assert_eq!(default_image(Path::new("..")), Path::new("scene.png"));
+        let mesh = Path::new("a/bunny.obj.zst");
+        assert_eq!(default_image(mesh), Path::new("bunny.png"));
     }
 
     #[test]

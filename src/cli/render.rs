@@ -72,8 +72,9 @@ pub(super) fn run(job: &RenderJob) -> Result<Status> {
         film: &outcome.film,
         stats: &outcome.stats,
         ended: outcome.ended,
+        load: load.clone(),
         times: Times {
-            load: *load,
+            load: load.time,
             build,
             render,
             write,

@@ -264,6 +264,7 @@ mod tests {
             point_lights: Vec::new(),
             background: DVec3::ZERO,
             render: RenderDefaults::default(),
+            mesh_files: Vec::new(),
             warnings: Vec::new(),
         };
         let reference = Reference::new(&scene, 0, 1, 1000, &RenderSettings::default())

@@ -1,10 +1,12 @@
 //! What a render tells about itself: one struct, written as JSON and as text.
 
 mod clock;
+mod load;
 mod machine;
 mod summary;
 
 pub use clock::{Span, Stopwatch, peak_memory};
+pub use load::{LoadReport, MeshReport};
 pub use machine::{Build, Machine};
 
 use serde::{Deserialize, Serialize};
@@ -37,6 +39,9 @@ pub struct RenderReport {
     pub accel: String,
     /// What came out.
     pub result: ResultReport,
+    /// What loading the scene took, and each mesh.
+    #[serde(default)]
+    pub load: LoadReport,
     /// Where the time went, by phase.
     pub times: Times,
     /// Camera paths.
@@ -225,6 +230,8 @@ pub struct ReportInput<'a> {
     pub stats: &'a RenderStats,
     /// Why it ended.
     pub ended: EndReason,
+    /// Loading the scene.
+    pub load: LoadReport,
     /// The phases.
     pub times: Times,
     /// Files written.
@@ -243,6 +250,7 @@ impl RenderReport {
             film,
             stats,
             ended,
+            load,
             times,
             images,
         } = input;
@@ -266,6 +274,7 @@ impl RenderReport {
                 truncated: stats.truncated,
                 images,
             },
+            load,
             times,
             paths: PathReport {
                 count: stats.paths,
@@ -428,6 +437,7 @@ pub(crate) mod tests {
             film: &film,
             stats: &stats,
             ended: EndReason::Interrupted,
+            load: load::tests::sample(),
             times: Times {
                 load: Span {
                     wall_seconds: 0.1,
@@ -525,6 +535,7 @@ pub(crate) mod tests {
             film: &Film::new(1, 1, false),
             stats: &RenderStats::default(),
             ended: EndReason::Interrupted,
+            load: LoadReport::default(),
             times: Times::default(),
             images: Vec::new(),
         });

@@ -93,7 +93,7 @@ impl RenderReport {
                 span.wall_seconds, span.cpu_seconds
             )?;
         }
-        Ok(())
+        write!(f, "{}", self.load)
     }
 
     fn ray_table(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -200,9 +200,11 @@ impl RenderReport {
             .memory
             .peak_bytes
             .map_or("unknown".to_owned(), mebibytes);
+        let loaded = self.load.peak_bytes;
         writeln!(
             f,
-            "peak memory {peak}, film {}",
+            "peak memory {peak}, of which {} when the scene was loaded, film {}",
+            loaded.map_or("unknown".to_owned(), mebibytes),
             mebibytes(self.memory.film_bytes)
         )?;
         let machine = &self.machine;
@@ -265,6 +267,8 @@ mod tests {
             "seed 18446744073709551615, 2 threads, wave 1000, block 16",
             "lanes",
             "load               0.100     0.300",
+            "room.obj: 70000 triangles",
+            "when the scene was loaded",
             "build",
             "render",
             "shadow              3000    50.0 %      3.00",

@@ -35,6 +35,8 @@ pub struct SceneDescription {
     pub background: DVec3,
     /// What the file asks for where the command line is silent.
     pub render: RenderDefaults,
+    /// OBJ files that were read, in the order of the shapes.
+    pub mesh_files: Vec<MeshFile>,
     /// Findings that did not stop the load, one line each, with their place.
     pub warnings: Vec<String>,
 }
@@ -281,6 +283,22 @@ pub struct Mesh {
 impl Mesh {
     /// The index of what a corner has not.
     pub const ABSENT: u32 = u32::MAX;
+}
+
+/// An OBJ file that was read: how large it is and how long that took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshFile {
+    /// The file.
+    pub path: PathBuf,
+    /// Bytes of its text, uncompressed.
+    pub bytes: u64,
+    /// Wall seconds from opening it to its triangles: reading, decompressing, parsing and triangulating, without
+    /// materials, textures and the removal of faces that cannot be traced.
+    pub seconds: f64,
+    /// Vertices in the file.
+    pub vertices: u64,
+    /// Triangles in the file: two fewer per polygon than it has corners.
+    pub triangles: u64,
 }
 
 /// An isotropic point light.

@@ -74,7 +74,7 @@
 //! side of the geometric normal, or both with `two_sided = true`.
 //!
 //! ## Shapes
-//! Each has a `material` and may have a `name`, unique in the scene. The geometric normal of a
+//! Each has a `material`, unless it is an OBJ file, and may have a `name`, unique in the scene. The geometric normal of a
 //! face with corners a, b, c is along (b − a) × (c − a): corners are counter-clockwise as seen
 //! from the front. No coordinate may exceed 1.8e18 in absolute value.
 //!
@@ -83,7 +83,7 @@
 //! | `quad` | `corners`: four points in order, in a plane (to 1e-6 of the quad's size), convex |
 //! | `triangles` | `positions`: points; `faces`: triples of indices into them, from 0 |
 //! | `sphere` | `center`, `radius` > 0; the normal points outward |
-//! | `obj` | `file`, a Wavefront OBJ file relative to the scene file; `scale`, `translate` |
+//! | `obj` | `file`, a Wavefront OBJ file relative to the scene file; `scale`, `translate`; without `material`, the materials of its MTL files |
 //! | `mesh` | `mesh`, the name of a procedural mesh, with its keys; `scale`, `translate` |
 //!
 //! | `mesh` | keys and defaults |
@@ -96,10 +96,24 @@
 //! | `sponge` | Menger's, in [−1, 1]³; `triangles = 100000`: the largest of 144, 2112, 36096, 672768 and 13062144 that is not more |
 //!
 //! `scale` (one factor or one per axis, not 0) is applied before `translate`; fronts stay fronts
-//! under negative factors. Of an OBJ file only positions and faces are used; polygons become
-//! triangle fans. Faces of zero area are errors where they are written in the scene file;
+//! under negative factors. Faces of zero area are errors where they are written in the scene file;
 //! in OBJ files and procedural meshes they, and faces with non-finite or too large coordinates, are removed
-//! and counted in [`SceneDescription::warnings`], as are faces that occur twice in any mesh.
+//! and counted in [`SceneDescription::warnings`], as are faces that occur twice and vertices of no face
+//! in any mesh.
+//!
+//! ## OBJ files
+//! Positions, faces, normals, texture coordinates and materials are used; polygons, concave ones too,
+//! become triangles. The file may be compressed by gzip or Zstandard. Without `material`, each face has
+//! the one that `usemtl` names, from the files that `mtllib` names; `src/scene/obj/material.rs` has the
+//! table of what becomes of MTL values. They are added to the scene as `FILE/NAME`. What is missing or
+//! makes no sense is counted in the warnings: a face without a material is grey, a material without its
+//! texture plain. Files are sought in any case and with either slash.
+//!
+//! An OBJ file may stand in for a scene file, by the name `.obj`, `.obj.gz` or `.obj.zst`. It then has a
+//! film of 800 × 600 pixels, a camera `view` that looks at the whole mesh from the front, the right
+//! and above (+y is up, +z the front, whatever the mesh), and unless a material of it has `Ke`, a
+//! sky and a quad `sun`. Overrides change these as if they were written: `film.width=64`,
+//! `cameras.view.up=[0,0,1]`.
 //!
 //! ## Files that build on another
 //! With `extends = "base.toml"` a file states only what differs. Tables are merged key by key, the
@@ -117,11 +131,14 @@
 
 mod cameras;
 pub mod description;
+mod diagnostics;
 mod document;
 mod extends;
 mod files;
+mod library;
 mod materials;
 mod mesh;
+mod mesh_scene;
 mod obj;
 mod overrides;
 pub mod procedural;
@@ -132,6 +149,7 @@ mod shapes;
 mod tests;
 mod values;
 
+use std::ffi::OsStr;
 use std::path::Path;
 
 pub use description::*;
@@ -140,12 +158,21 @@ pub use settings::*;
 use crate::error::Result;
 
 /// Reads and checks the scene file `path` with the files that it names, after applying
-/// `overrides` of the form `path.to.key=value` in order.
+/// `overrides` of the form `path.to.key=value` in order. An OBJ file gets a scene of its own.
 ///
 /// Errors with the first mistake found: one in a scene or OBJ file has the file's place (line and
 /// column where one can be given), one in an override quotes it as `--set path.to.key=value`.
 pub fn load(path: &Path, overrides: &[String]) -> Result<SceneDescription> {
+    if obj::stem(path).is_some() {
+        return mesh_scene::load(path, overrides);
+    }
     parse(extends::read_text(path)?, path, overrides)
+}
+
+/// The name of the scene in a file: the file's without folder and endings.
+pub fn name(path: &Path) -> &OsStr {
+    let stem = obj::stem(path).map(OsStr::new).or(path.file_stem());
+    stem.unwrap_or(OsStr::new("scene"))
 }
 
 /// As [`load`], for a scene file whose `text` is given: `path` names it in errors, and files that

@@ -11,6 +11,7 @@ use super::description::{
     SceneDescription, ShapeDescription,
 };
 use super::document::{Fields, Node};
+use super::library::Library;
 use super::settings::RenderDefaults;
 use super::{cameras, materials, shapes, values};
 use crate::error::Result;
@@ -39,15 +40,17 @@ pub(super) fn scene(root: &Node, path: &Path) -> Result<SceneDescription> {
     if root.table()?.is_empty() {
         return Err(root.spot.error("the scene is empty"));
     }
-    let mut warnings = Vec::new();
-    let materials = read_materials(&fields)?;
+    let mut library = Library {
+        materials: read_materials(&fields)?,
+        ..Library::default()
+    };
     Ok(SceneDescription {
         source: path.to_owned(),
         film: read_film(fields.required("film")?)?,
         cameras: read_cameras(root, &fields)?,
-        shapes: read_shapes(&fields, &materials, &mut warnings)?,
-        materials,
-        textures: Vec::new(),
+        shapes: read_shapes(&fields, &mut library)?,
+        materials: library.materials,
+        textures: library.textures,
         point_lights: list(&fields, "lights")?
             .iter()
             .map(read_light)
@@ -63,7 +66,8 @@ pub(super) fn scene(root: &Node, path: &Path) -> Result<SceneDescription> {
             Some(node) => read_render(node)?,
             None => RenderDefaults::default(),
         },
-        warnings,
+        mesh_files: library.mesh_files,
+        warnings: library.warnings,
     })
 }
 
@@ -118,20 +122,17 @@ fn read_materials(fields: &Fields<'_>) -> Result<Vec<MaterialDescription>> {
     }
 }
 
-fn read_shapes(
-    fields: &Fields<'_>,
-    materials: &[MaterialDescription],
-    warnings: &mut Vec<String>,
-) -> Result<Vec<ShapeDescription>> {
-    let ids: HashMap<&str, MaterialId> = materials
+fn read_shapes(fields: &Fields<'_>, library: &mut Library) -> Result<Vec<ShapeDescription>> {
+    let ids: HashMap<String, MaterialId> = library
+        .materials
         .iter()
         .zip((0..).map(MaterialId))
-        .map(|(material, id)| (material.name.as_str(), id))
+        .map(|(material, id)| (material.name.clone(), id))
         .collect();
     let mut names = HashSet::new();
     let mut all = Vec::new();
     for node in list(fields, "shapes")? {
-        let shape = shapes::read(node, &ids, warnings)?;
+        let shape = shapes::read(node, &ids, library)?;
         if !shape.name.is_empty() && !names.insert(shape.name.clone()) {
             return Err(node
                 .spot

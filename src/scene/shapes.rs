@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::description::{MaterialId, Mesh, ShapeDescription, ShapeGeometry};
 use super::document::{Fields, Node, one_of};
+use super::library::Library;
 use super::procedural::{self, ScalableKind, ScalableMesh};
 use super::{mesh, obj, values};
 use crate::error::Result;
@@ -26,11 +27,11 @@ const DEFAULT_TRIANGLES: u32 = 100_000;
 const TYPES: [&str; 5] = ["quad", "triangles", "sphere", "obj", "mesh"];
 const COMMON_KEYS: [&str; 3] = ["name", "material", "type"];
 
-/// One shape. `materials` maps names to ids; findings that do not stop the load go to `warnings`.
+/// One shape. `materials` maps names to ids; what else the scene needs for it goes to `library`.
 pub(super) fn read(
     node: &Node,
-    materials: &HashMap<&str, MaterialId>,
-    warnings: &mut Vec<String>,
+    materials: &HashMap<String, MaterialId>,
+    library: &mut Library,
 ) -> Result<ShapeDescription> {
     let tag = node.tag("a shape", &TYPES)?;
     let (kind, own_keys) = match tag {
@@ -44,41 +45,72 @@ pub(super) fn read(
     let fields = node.fields(&what, &[&COMMON_KEYS, own_keys].concat())?;
 
     let name = fields.optional("name").map(Node::string).transpose()?;
-    let material = fields.required("material")?;
-    let material_name = material.string()?;
-    let material = *materials.get(material_name).ok_or_else(|| {
-        material
-            .spot
-            .error(format!("there is no material `{material_name}`"))
+    let material = fields
+        .optional("material")
+        .map(|node| find_material(node, materials))
+        .transpose()?;
+    let (geometry, material) = if tag == "obj" {
+        read_obj(&fields, material, library)?
+    } else {
+        let material = match material {
+            Some(material) => material,
+            None => find_material(fields.required("material")?, materials)?,
+        };
+        (read_geometry(tag, node, &fields, library)?, material)
+    };
+    Ok(ShapeDescription {
+        name: name.unwrap_or_default().to_owned(),
+        geometry,
+        material,
+    })
+}
+
+fn find_material(node: &Node, materials: &HashMap<String, MaterialId>) -> Result<MaterialId> {
+    let name = node.string()?;
+    let found = materials.get(name).copied();
+    found.ok_or_else(|| node.spot.error(format!("there is no material `{name}`")))
+}
+
+/// The mesh of an OBJ file, and the material of faces that have no other: `material` if there is one, else
+/// the file's own.
+fn read_obj(
+    fields: &Fields<'_>,
+    material: Option<MaterialId>,
+    library: &mut Library,
+) -> Result<(ShapeGeometry, MaterialId)> {
+    let node = fields.required("file")?;
+    let path = node.spot.resolve(node.string()?);
+    let mut obj = obj::read(&path, |error| node.spot.io_error(&path, error))?;
+    let material = material.unwrap_or_else(|| obj.use_own_materials(library));
+    place(&mut obj.mesh, fields)?;
+    let mesh = obj.finish(library, || {
+        node.spot.error("no face of the mesh can be traced")
     })?;
-    let geometry = match tag {
+    Ok((ShapeGeometry::Mesh(mesh), material))
+}
+
+/// What a shape of any other type is.
+fn read_geometry(
+    tag: &str,
+    node: &Node,
+    fields: &Fields<'_>,
+    library: &mut Library,
+) -> Result<ShapeGeometry> {
+    Ok(match tag {
         "quad" => ShapeGeometry::Quad(read_quad(fields.required("corners")?)?),
         "sphere" => ShapeGeometry::Sphere {
             center: values::point(fields.required("center")?, "center")?,
             radius: values::length(fields.required("radius")?, "radius")?,
         },
         "triangles" => {
-            let mesh = read_triangles(&fields)?;
-            ShapeGeometry::Mesh(cleaned(mesh, node, warnings)?)
-        }
-        "obj" => {
-            let file = fields.required("file")?;
-            let path = file.spot.resolve(file.string()?);
-            let (mut mesh, warning) = obj::read(&path, &file.spot)?;
-            warnings.extend(warning);
-            place(&mut mesh, &fields)?;
-            ShapeGeometry::Mesh(cleaned(mesh, file, warnings)?)
+            let mesh = read_triangles(fields)?;
+            ShapeGeometry::Mesh(cleaned(mesh, node, library)?)
         }
         _ => {
-            let mut mesh = make_mesh(&fields)?;
-            place(&mut mesh, &fields)?;
-            ShapeGeometry::Mesh(cleaned(mesh, node, warnings)?)
+            let mut mesh = make_mesh(fields)?;
+            place(&mut mesh, fields)?;
+            ShapeGeometry::Mesh(cleaned(mesh, node, library)?)
         }
-    };
-    Ok(ShapeDescription {
-        name: name.unwrap_or_default().to_owned(),
-        geometry,
-        material,
     })
 }
 
@@ -183,9 +215,11 @@ fn place(mesh: &mut Mesh, fields: &Fields<'_>) -> Result<()> {
 }
 
 /// The mesh without faces that cannot be traced; a warning at `node` counts them. Errors if none is left.
-fn cleaned(mut mesh: Mesh, node: &Node, warnings: &mut Vec<String>) -> Result<Mesh> {
+fn cleaned(mut mesh: Mesh, node: &Node, library: &mut Library) -> Result<Mesh> {
     let removed = mesh::clean(&mut mesh);
-    warnings.extend(removed.sentences().map(|line| node.spot.warning(&line)));
+    let sentences = removed.sentences(|_| None, |_| None);
+    let warnings = sentences.map(|line| node.spot.warning(&line));
+    library.warnings.extend(warnings);
     if mesh.faces.is_empty() {
         return Err(node.spot.error("no face of the mesh can be traced"));
     }

@@ -51,6 +51,7 @@ impl SceneBuilder {
             point_lights: Vec::new(),
             background: DVec3::ZERO,
             render: RenderDefaults::default(),
+            mesh_files: Vec::new(),
             warnings: Vec::new(),
         })
     }

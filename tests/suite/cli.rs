@@ -666,3 +666,50 @@ fn interrupted_mesh_leaves_no_file() {
     assert_eq!(stderr(&output), "interrupted; no file was written\n");
     assert_eq!(files(&directory), Vec::<String>::new());
 }
+
+#[test]
+fn a_mesh_renders_without_a_scene_file_and_tells_what_loading_took() {
+    let directory = directory();
+    let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/octahedron.obj");
+    fs::copy(mesh, directory.path().join("stone.v2.obj")).unwrap();
+    let output = succeed(wavepath(&directory).args([
+        "render",
+        "stone.v2.obj",
+        "--width=24",
+        "--height=16",
+        "--spp=4",
+        "--report=r.json",
+    ]));
+    assert!(stdout(&output).contains("stone.v2.obj: 8 triangles, 6 vertices"));
+    assert_eq!(
+        files(&directory),
+        ["r.json", "stone.v2.obj", "stone.v2.png"]
+    );
+    let load = report(&directory.path().join("r.json")).load;
+    let bytes = fs::metadata(mesh).unwrap().len();
+    assert_eq!((load.meshes[0].bytes, load.meshes[0].triangles), (bytes, 8));
+    let picture = image::open(directory.path().join("stone.v2.png")).unwrap();
+    let row = picture.into_rgb8();
+    let (middle, corner) = (row.get_pixel(12, 8), row.get_pixel(0, 0));
+    assert_ne!(
+        middle, corner,
+        "the mesh is in the middle, the sky around it"
+    );
+}
+
+#[test]
+fn warnings_are_one_error_when_strict() {
+    let directory = directory();
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nf 1 2 3\nf 1 1 2\n";
+    fs::write(directory.path().join("a.obj"), text).unwrap();
+    let message = refuse(wavepath(&directory).args(["plan", "a.obj", "--strict"]));
+    for part in [
+        "a.obj: 2 warnings under --strict: ",
+        "1 face of zero area removed (line 6)",
+        "1 vertex of no face removed (line 4)",
+    ] {
+        assert!(message.contains(part), "{message}");
+    }
+    let output = succeed(wavepath(&directory).args(["plan", "a.obj"]));
+    assert_eq!(stderr(&output).lines().count(), 2, "{}", stderr(&output));
+}

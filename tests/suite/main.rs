@@ -9,6 +9,7 @@ mod determinism;
 mod extremes;
 mod features;
 mod furnace;
+mod meshes;
 mod oracles;
 mod reference;
 mod renderer;
