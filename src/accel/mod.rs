@@ -5,6 +5,7 @@ mod build_options;
 mod bvh2;
 mod bvh8;
 mod collapse;
+pub mod foreign;
 mod huge_pages;
 mod leaf;
 mod linear;
@@ -45,6 +46,28 @@ pub enum Structure {
     Bvh8,
     /// [`Bvh8`] with packets of rays wherever they can.
     Packet,
+}
+
+impl Structure {
+    /// Every structure.
+    pub const ALL: [Self; 5] = [
+        Self::Linear,
+        Self::Octree,
+        Self::Bvh2,
+        Self::Bvh8,
+        Self::Packet,
+    ];
+
+    /// Name as on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Octree => "octree",
+            Self::Bvh2 => "bvh2",
+            Self::Bvh8 => "bvh8",
+            Self::Packet => "packet",
+        }
+    }
 }
 
 /// Up to this many primitives the linear scan is the faster one. Measured with 16 lanes, incoherent rays:

@@ -46,6 +46,10 @@ const MIN_SHARE: f64 = 1.0 / 64.0;
 /// quad rounded to f32 lie within √3 of one each.
 const FLATNESS: f64 = 8.0 * UNIT_ROUNDOFF as f64;
 
+/// Most triangles that are merged, and most polygons among which a shell is sought. Both take quadratic time
+/// (38 s to merge 86 thousand triangles of one group), and scenes that a scan suits have far fewer.
+pub(super) const MOST_FACES: usize = 4096;
+
 /// Welds, merges and measures.
 pub(super) fn polygons(geometry: &Geometry) -> Polygons {
     let (vertices, faces) = weld(&geometry.triangles);
@@ -58,7 +62,12 @@ pub(super) fn polygons(geometry: &Geometry) -> Polygons {
     let mut owner: Vec<u32> = (0..faces.len() as u32).collect();
     let mut polygons: Vec<Polygon> = Vec::new();
     let mut neighbours: HashMap<u32, Vec<u32>> = HashMap::new();
-    for (face, &group) in geometry.groups.iter().enumerate().take(faces.len()) {
+    let merged = if faces.len() <= MOST_FACES {
+        geometry.groups.as_slice()
+    } else {
+        &[]
+    };
+    for (face, &group) in merged.iter().enumerate().take(faces.len()) {
         neighbours.entry(group).or_default().push(face as u32);
     }
     for (id, face) in (0u32..).zip(&faces) {
@@ -66,8 +75,7 @@ pub(super) fn polygons(geometry: &Geometry) -> Polygons {
             continue;
         }
         let mut corners = face.to_vec();
-        let candidates = geometry
-            .groups
+        let candidates = merged
             .get(id as usize)
             .and_then(|group| neighbours.get(group));
         for _ in 3..MAX_CORNERS {

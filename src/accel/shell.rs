@@ -8,7 +8,7 @@ use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;
 
-use super::polygon::Polygon;
+use super::polygon::{MOST_FACES, Polygon};
 use crate::geometry::Geometry;
 use crate::math::float::UNIT_ROUNDOFF;
 
@@ -34,13 +34,17 @@ fn position(p: &[f32; 3]) -> DVec3 {
     DVec3::from_array(p.map(f64::from))
 }
 
-/// The polygons that lie on the convex hull of all vertices, spheres and `others`.
+/// The polygons that lie on the convex hull of all vertices, spheres and `others`; none of more than
+/// [`MOST_FACES`], since every polygon is held against every point.
 pub(super) fn on_hull(
     polygons: &[Polygon],
     vertices: &[[f32; 3]],
     geometry: &Geometry,
     others: &[[f32; 3]],
 ) -> Vec<HullPolygon> {
+    if polygons.len() > MOST_FACES {
+        return Vec::new();
+    }
     let points: Vec<(DVec3, f64)> = vertices
         .iter()
         .chain(others)

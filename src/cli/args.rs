@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
+use crate::report::accels::RayKind;
 use crate::scene::procedural::ScalableKind;
 use crate::scene::{AccelKind, IntegratorKind, SamplerKind, Strategy};
 
@@ -30,10 +31,12 @@ pub(super) enum Command {
     Compare(CompareArgs),
     /// Make a mesh of any size, for measuring how cost grows with the number of triangles
     Mesh(MeshArgs),
+    /// Compare acceleration structures on rays of a scene
+    Accels(AccelsArgs),
 }
 
 /// What decides how a scene is compiled.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub(super) struct SceneArgs {
     /// Scene file (TOML), or a mesh (.obj, .obj.gz, .obj.zst), which gets a camera, a sky and a sun
     pub(super) scene: PathBuf,
@@ -199,6 +202,82 @@ pub(super) struct MeshArgs {
     pub(super) quiet: bool,
 }
 
+/// `wavepath accels`
+///
+/// Builds each structure over the scene, makes sets of rays from the scene itself, and runs the
+/// structures over them in turn, in rounds. Every figure is per CPU second of the worker threads. Each
+/// structure's answers are held against a scan over all primitives, in a large scene on a sample; if one
+/// of this program's own differs by more than rounding explains, the exit code is 1.
+#[derive(Debug, clap::Args)]
+pub(super) struct AccelsArgs {
+    /// Scene file (TOML)
+    pub(super) scene: PathBuf,
+
+    /// Structures, separated by commas: linear, bvh2, bvh8; obvhs-bvh2 and obvhs-cwbvh, with their own
+    /// traversals; embree-{medium,high,robust}, by single rays or with -packet or -coherent
+    /// by packets; embree for all of those [default: all]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(super) structures: Vec<String>,
+
+    /// Kinds of rays, separated by commas [default: all]
+    #[arg(long, value_name = "KINDS", value_delimiter = ',')]
+    pub(super) rays: Vec<RayKind>,
+
+    /// Worker threads, and threads of the builds [default: all cores]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) threads: Option<usize>,
+
+    /// Rays per set
+    #[arg(long, value_name = "N", default_value_t = 1 << 20, allow_negative_numbers = true)]
+    pub(super) count: usize,
+
+    /// Rays per call, as many as the renderer's wave has
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 4096,
+        allow_negative_numbers = true
+    )]
+    pub(super) batch: usize,
+
+    /// Timed runs of each structure over each set, after one that is not timed
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        allow_negative_numbers = true
+    )]
+    pub(super) rounds: usize,
+
+    /// Seed of the rays [default: the scene's, else 0]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) seed: Option<u64>,
+
+    /// Camera, by its name in the scene [default: the scene's first]
+    #[arg(long, value_name = "NAME")]
+    pub(super) camera: Option<String>,
+
+    /// Pixels across [default: the scene's]
+    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
+    pub(super) width: Option<u32>,
+
+    /// Pixels down [default: the scene's]
+    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
+    pub(super) height: Option<u32>,
+
+    /// Replace a value of the scene file; may be given several times
+    #[arg(long, value_name = "PATH.TO.KEY=VALUE")]
+    pub(super) set: Vec<String>,
+
+    /// Write the comparison with every round as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub(super) json: Option<PathBuf>,
+
+    /// Do not tell what is being done
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+}
+
 #[cfg(test)]
 mod tests {
     use clap::CommandFactory;
@@ -208,6 +287,16 @@ mod tests {
     #[test]
     fn definitions_do_not_contradict_each_other() {
         Args::command().debug_assert();
+    }
+
+    #[test]
+    fn batches_are_as_large_as_the_wave() {
+        let Some(Command::Accels(args)) = Args::parse_from(["wavepath", "accels", "a"]).command
+        else {
+            panic!("accels is a command");
+        };
+        assert_eq!(args.batch, crate::scene::RenderSettings::default().wave);
+        assert!(args.rays.is_empty() && args.structures.is_empty());
     }
 
     #[test]

@@ -22,10 +22,10 @@ const MAX_SIDE: u32 = 65_535;
 const MAX_BLOCK: u32 = 64;
 
 /// Most worker threads. Beyond any machine; it stops a slip of the keyboard from exhausting one.
-const MAX_THREADS: usize = 4096;
+pub(super) const MAX_THREADS: usize = 4096;
 
 /// Most paths in flight per thread: a few GiB of queues.
-const MAX_WAVE: usize = 1 << 24;
+pub(super) const MAX_WAVE: usize = 1 << 24;
 
 /// A loaded scene with the settings and the camera to look with. The film's size is the wanted one.
 #[derive(Debug)]
@@ -200,16 +200,7 @@ fn check_outputs(images: &[PathBuf], report: Option<&Path>) -> Result<()> {
     for image in images {
         ImageFormat::from_path(image)?;
     }
-    if let Some(path) = report
-        && !path
-            .extension()
-            .is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
-    {
-        let path = path.display();
-        return Err(Error::usage(format!(
-            "{path}: the name of a report must end in .json"
-        )));
-    }
+    report.map_or(Ok(()), check_report_name)?;
     let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
     let places: Vec<PathBuf> = images.iter().map(absolute).collect();
     for (index, place) in places.iter().enumerate() {
@@ -227,7 +218,18 @@ fn check_outputs(images: &[PathBuf], report: Option<&Path>) -> Result<()> {
         .try_for_each(check_writable)
 }
 
-fn check_range<T>(option: &str, value: Option<T>, least: T, most: T) -> Result<()>
+/// Errors unless the name of a report ends in `.json`.
+pub(super) fn check_report_name(path: &Path) -> Result<()> {
+    match path.extension() {
+        Some(extension) if extension.eq_ignore_ascii_case("json") => Ok(()),
+        _ => Err(Error::usage(format!(
+            "{}: the name of a report must end in .json",
+            path.display()
+        ))),
+    }
+}
+
+pub(super) fn check_range<T>(option: &str, value: Option<T>, least: T, most: T) -> Result<()>
 where
     T: PartialOrd + std::fmt::Display,
 {

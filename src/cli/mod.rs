@@ -1,5 +1,6 @@
 //! The command line. Only this module and `main` print.
 
+mod accels;
 mod args;
 mod compare;
 mod interrupt;
@@ -29,7 +30,7 @@ pub const BAD_INPUT: u8 = 2;
 pub enum Status {
     /// It did what was asked: exit code 0.
     Done,
-    /// The images differ by more than was allowed: exit code 1.
+    /// Images, or answers of structures, differ by more than is allowed: exit code 1.
     Exceeded,
     /// It was interrupted: exit code 130, as shells report SIGINT. A render has written what there was.
     Interrupted,
@@ -59,6 +60,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Result<Status> {
         Some(Command::Plan(args)) => plan::run(&SceneJob::new(&args)?),
         Some(Command::Compare(args)) => compare::run(&args),
         Some(Command::Mesh(args)) => mesh::run(&args),
+        Some(Command::Accels(args)) => accels::run(&args),
     }
 }
 

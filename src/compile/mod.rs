@@ -3,6 +3,7 @@
 mod camera;
 pub mod compiled;
 pub mod features;
+mod geometry;
 mod work_item;
 
 pub use camera::Camera;

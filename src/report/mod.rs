@@ -1,5 +1,6 @@
 //! What a render tells about itself: one struct, written as JSON and as text.
 
+pub mod accels;
 mod clock;
 mod load;
 mod machine;

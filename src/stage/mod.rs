@@ -13,7 +13,7 @@ mod shade;
 mod shade_emission;
 mod shade_escaped;
 mod sort;
-mod surface;
+pub(crate) mod surface;
 
 pub use kernels::Kernels;
 pub use roulette::MOST_SURVIVAL;

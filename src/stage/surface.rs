@@ -46,7 +46,7 @@ pub(super) fn gather_throughput(rays: &RayQueue, ray: U32s) -> Vec3s {
 /// Point with error bound, and unit geometric normal (outward for spheres), of hits of `primitive`
 /// by rays known to hit.
 #[inline(always)]
-pub(super) fn surface<const F: u32>(
+pub(crate) fn surface<const F: u32>(
     scene: &CompiledScene,
     primitive: U32s,
     origin: Vec3s,

@@ -9,6 +9,7 @@ use tempfile::TempDir;
 use wavepath::film::{ExrImage, read_exr};
 use wavepath::integrator::stats::EndReason;
 use wavepath::report::RenderReport;
+use wavepath::report::accels::{AccelsReport, RayKind};
 use wavepath::scene::{Budget, SamplerKind, Strategy};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/hexroom.toml");
@@ -712,4 +713,118 @@ fn warnings_are_one_error_when_strict() {
     }
     let output = succeed(wavepath(&directory).args(["plan", "a.obj"]));
     assert_eq!(stderr(&output).lines().count(), 2, "{}", stderr(&output));
+}
+
+/// A comparison small enough for a test.
+fn accels<'a>(scene: &'a str, structures: &'a str) -> [&'a str; 9] {
+    [
+        "accels",
+        scene,
+        "--width=64",
+        "--height=48",
+        "--threads=2",
+        "--rounds=2",
+        "--count=5000",
+        "--structures",
+        structures,
+    ]
+}
+
+const CORNELL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell.toml");
+
+#[test]
+fn accels_compares_structures_and_writes_every_figure() {
+    let directory = directory();
+    let output = succeed(
+        wavepath(&directory)
+            .args(accels(CORNELL, "linear,bvh2,bvh8,obvhs-bvh2,obvhs-cwbvh"))
+            .args(["--json", "a.json", "-q"]),
+    );
+    assert_eq!(stderr(&output), "");
+    assert_eq!(files(&directory), ["a.json"]);
+    let text = fs::read_to_string(directory.path().join("a.json")).unwrap();
+    let report: AccelsReport = serde_json::from_str(&text).unwrap();
+    assert_eq!((report.triangles, report.spheres), (32, 0));
+    assert_eq!(report.scene.width, 64);
+    assert_eq!(report.settings.kinds, RayKind::ALL);
+    let names: Vec<&str> = report.structures.iter().map(|s| s.name.as_str()).collect();
+    assert_eq!(
+        names,
+        ["linear", "bvh2", "bvh8", "obvhs-bvh2", "obvhs-cwbvh"]
+    );
+    for structure in &report.structures {
+        assert!(stdout(&output).contains(&structure.name));
+        assert_eq!(structure.kinds.len(), 4);
+        for figures in &structure.kinds {
+            assert_eq!(figures.rays, 5000);
+            assert_eq!(figures.rounds.len(), 2);
+            assert_eq!(figures.nodes_per_ray.is_some(), structure.own);
+            assert_eq!(figures.differences.rays, 5000);
+            assert!(figures.mrays_per_cpu_second.least > 0.0);
+            assert!(figures.ratio_to_best > 0.0 && figures.ratio_to_best <= 1.0);
+            if structure.own {
+                assert_eq!(figures.differences.differing, 0, "{}", structure.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn accels_leaves_out_who_cannot_take_part_and_says_why() {
+    let directory = directory();
+    // Other projects' structures hold no spheres, and this scene has three.
+    let output = succeed(
+        wavepath(&directory)
+            .args(accels(SCENE, "bvh8,obvhs-bvh2"))
+            .args(["--rays", "primary", "-q"]),
+    );
+    assert!(
+        stderr(&output).contains("obvhs-bvh2 is left out"),
+        "{}",
+        stderr(&output)
+    );
+    assert!(stderr(&output).contains("spheres"));
+    assert!(!stdout(&output).contains("obvhs") && stdout(&output).contains("bvh8"));
+
+    let output = succeed(
+        wavepath(&directory)
+            .env("EMBREE_LIBRARY", directory.path().join("nowhere"))
+            .args(accels(CORNELL, "bvh8,embree-medium"))
+            .args(["--rays", "primary", "-q"]),
+    );
+    assert!(
+        stderr(&output).contains("embree-medium is left out"),
+        "{}",
+        stderr(&output)
+    );
+    assert!(stdout(&output).contains("bvh8"));
+}
+
+#[test]
+fn accels_refuses_what_it_does_not_know() {
+    let directory = directory();
+    let refused = |more: &[&str]| {
+        let mut command = wavepath(&directory);
+        command.args(["accels", CORNELL]).args(more);
+        refuse(&mut command)
+    };
+    let message = refused(&["--structures", "bvh8,oak"]);
+    assert!(
+        message.contains("\"oak\"") && message.contains("bvh8"),
+        "{message}"
+    );
+    assert!(refused(&["--rays", "gamma"]).contains("'gamma'"));
+    assert!(refused(&["--count", "0"]).contains("--count"));
+    assert!(refused(&["--rounds", "0"]).contains("--rounds"));
+    assert!(refused(&["--json", "a.txt"]).contains(".json"));
+    assert!(refused(&["--json", "no/a.json"]).contains("no/a.json"));
+    // Nobody left to compare.
+    let message = {
+        let mut command = wavepath(&directory);
+        command.args(accels(SCENE, "obvhs-bvh2")).arg("-q");
+        let output = command.output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        stderr(&output).to_owned()
+    };
+    assert!(message.contains("none of the structures"), "{message}");
 }

@@ -1,0 +1,108 @@
+//! `wavepath accels`: acceleration structures compared on rays of a scene.
+
+use std::io::Write;
+use std::path::Path;
+
+use crate::compile::compile;
+use crate::error::{Error, Result};
+use crate::film::{check_writable, write_atomically};
+use crate::report::SceneReport;
+use crate::report::accels::{
+    AccelsInput, AccelsReport, AccelsSettings, Contestant, Event, RayKind, compare,
+};
+
+use super::args::{AccelsArgs, SceneArgs};
+use super::job::{MAX_THREADS, MAX_WAVE, SceneJob, check_range, check_report_name};
+use super::{Status, note, print};
+
+/// Most rays per set: some GiB of columns.
+const MAX_RAYS: usize = 1 << 28;
+
+/// Most rounds. Beyond any patience; it stops a slip of the keyboard.
+const MAX_ROUNDS: usize = 10_000;
+
+pub(super) fn run(args: &AccelsArgs) -> Result<Status> {
+    // First what is quick to check: loading a large scene takes its time.
+    check_range("--count", Some(args.count), 1, MAX_RAYS)?;
+    check_range("--batch", Some(args.batch), 1, MAX_WAVE)?;
+    check_range("--rounds", Some(args.rounds), 1, MAX_ROUNDS)?;
+    check_range("--threads", args.threads, 1, MAX_THREADS)?;
+    let contestants = Contestant::named(&args.structures)?;
+    if let Some(path) = &args.json {
+        check_report_name(path)?;
+        check_writable(path)?;
+    }
+    let job = SceneJob::new(&SceneArgs {
+        scene: args.scene.clone(),
+        camera: args.camera.clone(),
+        width: args.width,
+        height: args.height,
+        set: args.set.clone(),
+        ..SceneArgs::default()
+    })?;
+    for warning in &job.scene.warnings {
+        note(&format!("warning: {warning}"));
+    }
+    let film = job.scene.film;
+    let settings = AccelsSettings {
+        kinds: kinds(&args.rays),
+        count: args.count,
+        batch: args.batch,
+        rounds: args.rounds,
+        threads: args.threads.unwrap_or(job.settings.threads),
+        seed: args.seed.unwrap_or(job.settings.seed),
+    };
+    let input = AccelsInput {
+        scene: &job.scene,
+        compiled: compile(
+            &job.scene,
+            job.camera,
+            film.width,
+            film.height,
+            &job.settings,
+        )?,
+        report: SceneReport {
+            name: job.name(),
+            camera: job.camera_name().to_owned(),
+            width: film.width,
+            height: film.height,
+        },
+        contestants: &contestants,
+        settings: &settings,
+    };
+    let report = compare(input, &mut |event| match event {
+        Event::Progress(_) if args.quiet => {}
+        Event::Progress(text) | Event::Note(text) => note(text),
+    })?;
+    if let Some(path) = &args.json {
+        write_json(path, &report)?;
+    }
+    print(&report.to_string())?;
+    let faults = report.faults();
+    for fault in &faults {
+        note(fault);
+    }
+    Ok(if faults.is_empty() {
+        Status::Done
+    } else {
+        Status::Exceeded
+    })
+}
+
+/// The chosen kinds of rays, each once; all of them if none is chosen.
+fn kinds(chosen: &[RayKind]) -> Vec<RayKind> {
+    let mut kinds = if chosen.is_empty() {
+        RayKind::ALL.to_vec()
+    } else {
+        chosen.to_vec()
+    };
+    kinds.sort_unstable();
+    kinds.dedup();
+    kinds
+}
+
+fn write_json(path: &Path, report: &AccelsReport) -> Result<()> {
+    write_atomically(path, |file| {
+        writeln!(file, "{}", report.to_json()).map_err(|error| Error::io(path, &error))
+    })
+}
