@@ -1,5 +1,7 @@
 //! What every structure must answer, whatever it is inside.
 
+mod batches;
+
 use glam::DVec3;
 
 use super::*;
@@ -9,13 +11,14 @@ use crate::geometry::{PrimitiveId, Sphere, Triangle, spawn_origin, triangle_poin
 use crate::math::Vec3s;
 use crate::math::lanes::padded;
 
-const TREES: [Structure; 3] = [Structure::Octree, Structure::Bvh2, Structure::Bvh8];
-const ALL: [Structure; 4] = [
-    Structure::Linear,
-    Structure::Octree,
-    Structure::Bvh2,
-    Structure::Bvh8,
-];
+/// The scan is the only one that is not a tree, and the only one with a triangle test of its own.
+const TREES: [Structure; Structure::ALL.len() - 1] = {
+    let [Structure::Linear, trees @ ..] = Structure::ALL else {
+        panic!("the scan comes first");
+    };
+    trees
+};
+const ALL: [Structure; Structure::ALL.len()] = Structure::ALL;
 
 /// Rays in columns.
 #[derive(Default)]
