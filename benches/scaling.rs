@@ -40,7 +40,7 @@ const STRUCTURES: [Structure; 3] = [Structure::Linear, Structure::Octree, Struct
 fn sizes() -> Vec<u32> {
     let most = std::env::var("SCALING_TRIANGLES")
         .ok()
-        .and_then(|value| value.parse().ok())
+        .and_then(|value| value.parse::<f64>().ok())
         .unwrap_or(1e6)
         .min(3e7);
     let most = if is_test() { 3_200.0 } else { most };

@@ -67,6 +67,29 @@ impl Ray {
         }
     }
 
+    /// The triangles that the ray may meet, and few others: not those with images wholly on one side of
+    /// it, by the larger margins of [`Test::Planar`].
+    pub(crate) fn candidates(&self, triangles: &[Triangle]) -> Vec<u32> {
+        let [kx, ky, kz] = self.axes;
+        let is_beside = |triangle: &Triangle, across: usize| {
+            let slope = self.direction[across] / self.direction[kz];
+            let (mut above, mut below) = (true, true);
+            for corner in triangle.corners {
+                let arm = [0, 1, 2].map(|k| f64::from(corner[k]) - self.origin[k]);
+                let image = arm[across] - slope * arm[kz];
+                let margin = gamma(14) * (arm[0].abs() + arm[1].abs() + arm[2].abs());
+                above &= image > margin;
+                below &= image < -margin;
+            }
+            above || below
+        };
+        (0u32..)
+            .zip(triangles)
+            .filter(|(_, triangle)| !is_beside(triangle, kx) && !is_beside(triangle, ky))
+            .map(|(id, _)| id)
+            .collect()
+    }
+
     /// Nothing where no roundings can make a hit of it.
     pub(crate) fn meet(&self, test: Test, triangle: &Triangle) -> Option<Meeting> {
         let [kx, ky, kz] = self.axes;
@@ -82,13 +105,6 @@ impl Ray {
         };
         let off_x = arms.map(|a| off(a, kx, sx));
         let off_y = arms.map(|a| off(a, ky, sy));
-        // Images wholly on one side of the ray.
-        for (values, off) in [(&x, &off_x), (&y, &off_y)] {
-            if (0..3).all(|i| values[i] > off[i]) || (0..3).all(|i| values[i] < -off[i]) {
-                return None;
-            }
-        }
-
         let t = arms.map(|a| a[kz] / self.direction[kz]);
         // Each edge function's value, and how far off it may be: corners' images as far as they are off,
         // two products and a difference.

@@ -46,6 +46,21 @@ impl Queries {
         (hits, occluded)
     }
 
+    fn assert_same(&self, found: &Answers, expected: &Answers, what: &str) {
+        for i in 0..self.rays.len {
+            let of = |answers: &Answers| (answers.0[i], answers.1[i]);
+            assert_eq!(
+                of(found),
+                of(expected),
+                "{what}: ray {i} {:?}, skip {}, to {}, target {}",
+                self.rays.ray(i),
+                self.rays.skip[i],
+                self.t_max[i],
+                self.target[i]
+            );
+        }
+    }
+
     /// What the scalar test says of every triangle, one after the other.
     fn plainly(&self, triangles: &[Triangle]) -> Answers {
         let n = self.rays.len;
@@ -171,7 +186,10 @@ fn every_ray_is_answered_the_same_in_every_company_and_by_every_tree() {
             .spheres
             .is_empty()
             .then(|| queries.plainly(&geometry.triangles));
-        for structure in ALL {
+        // The scan of a room takes groups of rays by the room's shell only if all start inside of it, which
+        // few do here.
+        let structures = if name == "room" { &TREES[..] } else { &ALL[..] };
+        for &structure in structures {
             let accel = built(structure, &geometry);
             let alone = queries.answer(&*accel, 1, &in_order);
             for (size, order) in [
@@ -182,11 +200,15 @@ fn every_ray_is_answered_the_same_in_every_company_and_by_every_tree() {
                 (4_096, &shuffled),
             ] {
                 let together = queries.answer(&*accel, size, order);
-                assert!(together == alone, "{structure:?} in {name}, {size} rays");
+                queries.assert_same(
+                    &together,
+                    &alone,
+                    &format!("{structure:?} in {name}, {size} rays"),
+                );
             }
             if structure != Structure::Linear {
                 let expected = of_trees.get_or_insert_with(|| alone.clone());
-                assert!(alone == *expected, "{structure:?} in {name}");
+                queries.assert_same(&alone, expected, &format!("{structure:?} in {name}"));
             }
             let hits = alone.0.iter().filter(|hit| hit.1 != PrimitiveId::NONE);
             assert!(hits.count() > 500, "{structure:?} in {name}");
