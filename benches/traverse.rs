@@ -11,7 +11,7 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use wavepath::accel::{Structure, build};
+use wavepath::accel::{Accel, Structure, build};
 use wavepath::geometry::triangle::ShearRay;
 use wavepath::geometry::{PrimitiveId, Triangle};
 use wavepath::report::accels::{Answers, RaySet, answers, run};
@@ -93,12 +93,16 @@ fn traverse(criterion: &mut Criterion) {
         for rays in scene.rays(count).iter().filter(|rays| !rays.is_empty()) {
             let kind = rays.kind().name();
             group.throughput(Throughput::Elements(rays.len() as u64));
-            let expected = hits(&answers(&pool, &*accels[0], rays, BATCH));
+            let given = |accel: &dyn Accel| answers(&pool, accel, rays, BATCH);
+            let expected = given(&*accels[accels.len() - 1]);
             for accel in &accels {
-                // But for a few that roundings decide.
-                let found = hits(&answers(&pool, &**accel, rays, BATCH));
-                let apart = found.abs_diff(expected);
-                assert!(apart <= rays.len() / 100, "{} {name} {kind}", accel.name());
+                let found = given(&**accel);
+                let is_right = match accel.name() {
+                    // It has a test of its own, which decides otherwise where a ray starts on a plane.
+                    "linear" => hits(&found).abs_diff(hits(&expected)) <= rays.len() / 10,
+                    _ => found == expected,
+                };
+                assert!(is_right, "{}, {name}, {kind}", accel.name());
 
                 let id = BenchmarkId::new(accel.name(), format!("{name}/{kind}"));
                 group.bench_function(id, |bencher| {

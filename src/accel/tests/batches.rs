@@ -89,14 +89,14 @@ impl Queries {
 /// Bundles of coherent rays, random ones, axis-parallel ones with zeros of either sign and the smallest
 /// numbers, and unsound ones, in turn in groups of random length; a third of them skip a primitive, and
 /// a third of the segments aim at one.
-fn queries(n: usize, primitives: usize, size: f32, rng: &mut Rng) -> Queries {
+fn queries(n: usize, geometry: &Geometry, size: f32, rng: &mut Rng) -> Queries {
     let mut queries = Queries {
         rays: Rays::default(),
         t_max: Vec::new(),
         target: Vec::new(),
     };
     let some = |rng: &mut Rng| match rng.below(3) {
-        0 => rng.below(primitives) as u32,
+        0 => rng.below(geometry.len()) as u32,
         _ => PrimitiveId::NONE,
     };
     while queries.rays.len < n {
@@ -131,7 +131,15 @@ fn queries(n: usize, primitives: usize, size: f32, rng: &mut Rng) -> Queries {
                 }
                 _ => {}
             }
-            queries.rays.push(origin, direction, some(rng));
+            let skip = some(rng);
+            if let Some(sphere) = (skip as usize)
+                .checked_sub(geometry.triangles.len())
+                .and_then(|index| geometry.spheres.get(index))
+            {
+                // What a ray that starts on a sphere hits of it is a chord of it.
+                origin = [0, 1, 2].map(|k| sphere.center[k] + sphere.radius * random[k]);
+            }
+            queries.rays.push(origin, direction, skip);
             queries.t_max.push(match rng.below(8) {
                 0 => f32::INFINITY,
                 1 => 0.0,
@@ -176,7 +184,7 @@ fn scenes(rng: &mut Rng) -> Vec<(&'static str, Geometry, f32)> {
 fn every_ray_is_answered_the_same_in_every_company_and_by_every_tree() {
     let mut rng = Rng(61);
     for (name, geometry, size) in scenes(&mut rng) {
-        let queries = queries(4_096, geometry.len(), size, &mut rng);
+        let queries = queries(4_096, &geometry, size, &mut rng);
         let in_order: Vec<usize> = (0..queries.rays.len).collect();
         let mut shuffled = in_order.clone();
         for last in (1..shuffled.len()).rev() {
