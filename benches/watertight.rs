@@ -2,8 +2,10 @@
 //! ends with an error if any. With `WATERTIGHT_RAYS` rays of each structure in each mesh, 10⁶ unless it is set:
 //!
 //! ```sh
-//! WATERTIGHT_RAYS=100000000 WAVEPATH_MESHES=meshes cargo bench --bench watertight
+//! WATERTIGHT_RAYS=100000000 WAVEPATH_MESHES=meshes cargo bench --bench watertight -- bvh8
 //! ```
+//!
+//! A word after `--` restricts it to meshes and structures with that word in `MESH/STRUCTURE`.
 #![allow(clippy::print_stdout, reason = "its output is the figures")]
 
 #[path = "support/closed_meshes.rs"]
@@ -47,10 +49,13 @@ fn main() -> ExitCode {
         .ok()
         .and_then(|value| value.parse().ok())
         .unwrap_or(if is_test { 10_000 } else { 1_000_000 });
+    let word = std::env::args().skip(1).find(|word| !word.starts_with('-'));
+    let word = word.unwrap_or_default();
     let mut total = 0;
     for mesh in meshes(is_test) {
         for structure in Structure::ALL {
-            if structure == Structure::Linear {
+            let name = format!("{}/{}", mesh.name, structure.name());
+            if structure == Structure::Linear || !name.contains(&word) {
                 continue;
             }
             let accel = build(structure, &mesh.geometry).expect("few triangles");
@@ -58,10 +63,8 @@ fn main() -> ExitCode {
             let blocks = rays.div_ceil(BLOCK as u64);
             let escapes = mesh.escapes(&*accel, blocks);
             println!(
-                "{}, {} triangles, {}: {escapes} of {} rays escaped, {:.1} s",
-                mesh.name,
+                "{name}, {} triangles: {escapes} of {} rays escaped, {:.1} s",
                 mesh.geometry.triangles.len(),
-                structure.name(),
                 blocks * BLOCK as u64,
                 start.elapsed().as_secs_f64()
             );

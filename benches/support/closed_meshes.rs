@@ -152,11 +152,11 @@ impl ClosedMesh {
         let mut random = Random(block);
         random.0 = random.next();
         let mut columns = [(); 6].map(|()| vec![0.0; BLOCK]);
-        for ray in 0..BLOCK {
+        for number in 0..BLOCK {
             let (origin, direction) = self.ray(&mut random);
-            for k in 0..3 {
-                columns[k][ray] = origin[k];
-                columns[3 + k][ray] = direction[k];
+            let components = origin.into_iter().chain(direction);
+            for (column, component) in columns.iter_mut().zip(components) {
+                column[number] = component;
             }
         }
         let (mut t, mut primitive) = (vec![0.0; BLOCK], vec![0; BLOCK]);
@@ -363,7 +363,7 @@ fn points_aligned(
         let is_inside = || {
             let crossings = crossings(triangles, point, direction);
             let ahead = crossings.iter().filter(|&&t| t > 0.0).count();
-            crossings.len() % 2 == 0 && ahead % 2 == 1
+            crossings.len().is_multiple_of(2) && ahead % 2 == 1
         };
         if is_clear(triangles, point, CLEARANCE * size) && is_inside() {
             points.push(Aligned { origin, axis, sign });
