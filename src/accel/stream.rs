@@ -56,6 +56,10 @@ pub(super) fn trace<Q: Query>(
     query: &mut Q,
     counters: &mut AccelCounters,
 ) {
+    if tree.root == DONE {
+        (0..rays.len).for_each(|ray| query.finish(ray, f32::INFINITY, PrimitiveId::NONE));
+        return;
+    }
     SCRATCH.with_borrow_mut(|scratch| {
         let octants = scratch.prepare(tree, rays, query);
         macro_rules! trace_octants {

@@ -1,5 +1,7 @@
 //! What every structure must answer, whatever it is inside.
 
+mod batches;
+
 use glam::DVec3;
 
 use super::*;
@@ -9,12 +11,13 @@ use crate::geometry::{PrimitiveId, Sphere, Triangle, spawn_origin, triangle_poin
 use crate::math::Vec3s;
 use crate::math::lanes::padded;
 
-const TREES: [Structure; 4] = [
-    Structure::Octree,
-    Structure::Bvh2,
-    Structure::Bvh8,
-    Structure::Packet,
-];
+/// The scan is the only one that is not a tree, and the only one with a triangle test of its own.
+const TREES: [Structure; Structure::ALL.len() - 1] = {
+    let [Structure::Linear, trees @ ..] = Structure::ALL else {
+        panic!("the scan comes first");
+    };
+    trees
+};
 
 /// Rays in columns.
 #[derive(Default)]

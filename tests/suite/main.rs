@@ -6,13 +6,20 @@ mod auxiliary;
 mod builder;
 mod cli;
 mod closed_forms;
+#[path = "../../benches/support/closed_meshes.rs"]
+mod closed_meshes;
 mod determinism;
 mod extremes;
 mod features;
 mod furnace;
+mod hits;
+#[path = "../../benches/support/mesh_scenes.rs"]
+mod mesh_scenes;
 mod meshes;
 mod oracles;
 mod reference;
 mod renderer;
 mod support;
+mod triangle_oracle;
+mod watertight;
 mod ztest;
