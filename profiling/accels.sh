@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Compares acceleration structures with Embree 4 over scenes of 44 to 8 million triangles:
+# Compares acceleration structures with Embree 4 over scenes of 32 to 8 million triangles:
 # profiling/accels.sh [DIRECTORY [THREADS...]]
 #
 # Needs EMBREE_LIBRARY (libembree4, or a folder with it) and WAVEPATH_MESHES (the folder of real meshes).
@@ -24,7 +24,7 @@ trap 'rm -rf "$scratch"' EXIT
 "$program" mesh terrain --triangles 8000000 -o "$scratch/terrain.obj" --quiet
 
 scenes=(
-    "hexroom scenes/hexroom-exact.toml"
+    "cornell scenes/cornell.toml"
     "bunny $WAVEPATH_MESHES/small/stanford-bunny.obj.zst"
     "sponza $WAVEPATH_MESHES/medium/sponza-crytek/sponza.obj.zst"
     "dragon $WAVEPATH_MESHES/medium/stanford-dragon.obj.zst"
@@ -38,7 +38,7 @@ for count in "${threads[@]}"; do
     for scene in "${scenes[@]}"; do
         read -r name file <<<"$scene"
         structures=$ours,$theirs
-        [ "$name" = hexroom ] && structures=linear,$structures
+        [ "$name" = cornell ] && structures=linear,$structures
         "$program" accels "$file" --structures "$structures" --threads "$count" --rounds 3 --count 262144 \
             --quiet >"$directory/$name-$count.txt" || echo "$name: exit code $?"
         awk -v scene="$name" -v threads="$count" '

@@ -17,15 +17,15 @@ use crate::geometry::triangle::{ShearRays, shear_lanes};
 use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s};
 use crate::math::vec3::Vec3s;
 
-/// Up to this many rays of a group leave it where no more than they enter a subtree. Measured; see
-/// `profiling/`.
+/// Up to this many rays of a group leave it where no more than they enter a subtree. Camera rays of the
+/// bunny with 1, 2, 3, 6: 27.0, 26.4, 25.5, 23.0 million per CPU second.
 pub(super) const FEW: usize = 2;
 
 /// Most subtrees that a ray can have left to it.
 pub(super) const MOST_PENDING: usize = 32;
 
-/// A group of which the directions differ by more than this in some component is not coherent. Measured;
-/// see `profiling/`.
+/// A group of which the directions differ by more than this in some component is not coherent. Between 0.1
+/// and 1 all kinds of rays cost the same within the noise: what is less coherent has no common axis.
 const COHERENT_SPREAD: f32 = 0.25;
 
 /// Up to [`LANES`] rays of one octant, and their answers.

@@ -24,7 +24,7 @@ use crate::math::lanes::{
 };
 use crate::math::vec3::Vec3s;
 
-/// Rays that take turns. Measured; see `profiling/`.
+/// Rays that take turns. Measured on the bunny's bounces: 16 are 15 % slower, 32 are 6 %, 128 the same.
 const IN_FLIGHT: usize = 64;
 
 /// When groups of rays descend together before they go on alone.
