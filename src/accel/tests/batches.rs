@@ -194,8 +194,8 @@ fn every_ray_is_answered_the_same_in_every_company_and_by_every_tree() {
             .spheres
             .is_empty()
             .then(|| queries.plainly(&geometry.triangles));
-        // The scan of a room takes groups of rays by the room's shell only if all start inside of it, which
-        // few do here.
+        // The scan goes by a room's shell where all rays of a group start inside of it. It then needs rays
+        // that start on what they skip, and may name another triangle of a merged polygon.
         let structures = if name == "room" {
             &TREES[..]
         } else {
