@@ -176,10 +176,10 @@ impl Leaf<'_> {
         self.words[index].to_bits()
     }
 
-    /// A coordinate of one triangle's corners.
+    /// A coordinate of the triangles' corners, with at least [`LANES`] more words after it.
     #[inline(always)]
-    pub(super) fn coordinate(&self, index: usize, axis: usize, corner: usize) -> f32 {
-        self.words[(1 + 3 * axis + corner) * self.triangles + index]
+    pub(super) fn rows(&self, axis: usize) -> [&[f32]; 3] {
+        [0, 1, 2].map(|corner| &self.words[(1 + 3 * axis + corner) * self.triangles..])
     }
 
     /// Centres and radii of the spheres, their ids, and the lanes that have one.

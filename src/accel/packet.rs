@@ -1,8 +1,9 @@
-//! Groups of rays with like directions descend the 8-wide tree together, a ray per lane, until few of them
-//! remain in a subtree: those go on alone from there. Before the rays are tested against a child one by
-//! one in their lanes, bounds of them all are tested against the eight children of a node at once, in
-//! interval arithmetic (Wald et al., "Ray Tracing Animated Scenes using Coherent Grid Traversal", 2006, cull
-//! with frusta for the same reason).
+//! Groups of rays with like directions descend the 8-wide tree together until few of them remain in a
+//! subtree: those go on alone from there. Bounds of all rays of a group are tested against the eight
+//! children of a node at once, in interval arithmetic, and rays are looked at one by one, a lane each, only
+//! where these bounds leave open whether all of them enter (Wald et al., "Ray Tracing Animated Scenes
+//! using Coherent Grid Traversal", 2006, cull with frusta for the same reason). Triangles of a leaf
+//! that no ray of the group can meet are left out in the same way.
 
 use wide::{f32x4, f32x8, f32x16};
 
@@ -14,94 +15,303 @@ use crate::geometry::PrimitiveId;
 use crate::geometry::slab::FAR_PADDING;
 use crate::geometry::sphere::sphere_distance;
 use crate::geometry::triangle::{ShearRays, shear_lanes};
-use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s};
+use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s, load_first};
 use crate::math::vec3::Vec3s;
 
-/// Up to this many rays of a group leave it where no more than they enter a subtree. Camera rays of the
-/// bunny with 1, 2, 3, 6: 27.0, 26.4, 25.5, 23.0 million per CPU second.
-pub(super) const FEW: usize = 2;
+/// Most rays of a group.
+pub(super) const GROUP: usize = 64;
+/// Vectors of lanes in a group.
+const VECTORS: usize = GROUP / LANES;
+
+/// Up to this many rays of a group leave it where no more than they enter a subtree.
+const FEW: u32 = 2;
 
 /// Most subtrees that a ray can have left to it.
 pub(super) const MOST_PENDING: usize = 32;
 
-/// A group of which the directions differ by more than this in some component is not coherent. Between 0.1
-/// and 1 all kinds of rays cost the same within the noise: what is less coherent has no common axis.
-const COHERENT_SPREAD: f32 = 0.25;
+/// Rays whose directions differ by more than this in some component do not descend in one group.
+const GROUP_SPREAD: f32 = 0.1;
+/// As [`GROUP_SPREAD`], for rays of one vector of lanes.
+const VECTOR_SPREAD: f32 = 0.25;
 
-/// Up to [`LANES`] rays of one octant, and their answers.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct PacketRays {
-    pub(super) origin: Vec3s,
-    pub(super) direction: Vec3s,
-    /// |1/d|.
-    pub(super) reciprocal: Vec3s,
-    /// Lanes whose direction is largest along each axis.
-    pub(super) largest: [Mask; 3],
-    /// As from [`shear_lanes`].
-    pub(super) shear: [F32s; 3],
-    pub(super) skip: U32s,
-    pub(super) target: U32s,
-    /// Closest hits so far, or ends of the rays; negative where any hit was enough.
-    pub(super) t: F32s,
-    /// Primitives hit.
-    pub(super) primitive: U32s,
+/// One bit per ray of a group.
+pub(super) type Rays = u64;
+
+/// Bits of the rays of a vector of lanes.
+pub(super) const fn rays_of(vector: usize) -> Rays {
+    (Mask::ALL.0 as Rays) << (vector * LANES)
 }
 
-impl PacketRays {
+/// The rays among these that are in a vector of lanes.
+#[inline(always)]
+pub(super) fn lanes_of(rays: Rays, vector: usize) -> Mask {
+    Mask((rays >> (vector * LANES)) as u16 & Mask::ALL.0)
+}
+
+/// Positions of the bits that are set.
+#[inline(always)]
+pub(super) fn each(mut rays: Rays) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let ray = rays.trailing_zeros() as usize;
+        rays &= rays.wrapping_sub(1);
+        (ray < GROUP).then_some(ray)
+    })
+}
+
+/// A number of each ray of a group.
+pub(super) type Column = [F32s; VECTORS];
+/// As [`Column`].
+pub(super) type ColumnU32 = [U32s; VECTORS];
+
+/// Up to [`GROUP`] rays of one octant, and their answers.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Group {
+    pub(super) origin: [Column; 3],
+    /// Of rays that descend.
+    sheared: [ShearRays; VECTORS],
+    direction: [Column; 3],
+    /// |1/d|.
+    pub(super) reciprocal: [Column; 3],
+    /// Axis along which the direction is largest.
+    pub(super) largest: ColumnU32,
+    /// As from [`shear_lanes`].
+    pub(super) shear: [Column; 3],
+    pub(super) skip: ColumnU32,
+    pub(super) target: ColumnU32,
+    /// Closest hits so far, or ends of the rays; negative where any hit was enough.
+    pub(super) t: Column,
+    /// Primitives hit.
+    pub(super) primitive: ColumnU32,
+    /// Numbers of the rays in their batch.
+    pub(super) ray: ColumnU32,
+}
+
+impl Group {
+    const EMPTY: Self = Self {
+        origin: [[F32s::ZERO; VECTORS]; 3],
+        sheared: [ShearRays::ZERO; VECTORS],
+        direction: [[F32s::ZERO; VECTORS]; 3],
+        reciprocal: [[F32s::ZERO; VECTORS]; 3],
+        largest: [U32s::ZERO; VECTORS],
+        shear: [[F32s::ZERO; VECTORS]; 3],
+        skip: [U32s::ZERO; VECTORS],
+        target: [U32s::ZERO; VECTORS],
+        t: [F32s::ZERO; VECTORS],
+        primitive: [U32s::ZERO; VECTORS],
+        ray: [U32s::ZERO; VECTORS],
+    };
+
+    /// Sets the rays of a vector of lanes, of which no primitive is hit yet.
     #[inline(always)]
-    pub(super) fn new(origin: Vec3s, direction: Vec3s, skip: U32s, t: F32s, target: U32s) -> Self {
+    pub(super) fn set(
+        &mut self,
+        vector: usize,
+        ray: U32s,
+        [origin, direction]: [[F32s; 3]; 2],
+        skip: U32s,
+        (t, target): (F32s, U32s),
+    ) {
         let one = F32s::splat(1.0);
-        let Vec3s { x, y, z } = direction;
-        let (largest, shear) = shear_lanes(direction);
-        Self {
-            origin,
-            direction,
-            reciprocal: Vec3s::new((one / x).abs(), (one / y).abs(), (one / z).abs()),
-            largest,
-            shear,
-            skip,
-            target,
-            t,
-            primitive: U32s::splat(PrimitiveId::NONE),
+        let [x, y, z] = direction;
+        let ([_, is_y, is_z], shear) = shear_lanes(Vec3s { x, y, z });
+        for axis in 0..3 {
+            self.origin[axis][vector] = origin[axis];
+            self.direction[axis][vector] = direction[axis];
+            self.reciprocal[axis][vector] = (one / direction[axis]).abs();
+            self.shear[axis][vector] = shear[axis];
+        }
+        let place = is_z.select_u32(U32s::splat(2), U32s::splat(0));
+        self.largest[vector] = is_y.select_u32(U32s::splat(1), place);
+        self.skip[vector] = skip;
+        self.target[vector] = target;
+        self.t[vector] = t;
+        self.primitive[vector] = U32s::splat(PrimitiveId::NONE);
+        self.ray[vector] = ray;
+    }
+
+    /// A ray's number in one of the columns.
+    #[inline(always)]
+    pub(super) fn at(&self, column: &Column, ray: usize) -> f32 {
+        bytemuck::cast_slice::<F32s, f32>(column)[ray]
+    }
+
+    /// As [`Self::at`].
+    #[inline(always)]
+    pub(super) fn at_u32(&self, column: &ColumnU32, ray: usize) -> u32 {
+        bytemuck::cast_slice::<U32s, u32>(column)[ray]
+    }
+
+    /// Prepares all rays for triangle tests along these axes.
+    #[inline(always)]
+    fn shear(&mut self, axes: [usize; 3]) {
+        for (vector, sheared) in self.sheared.iter_mut().enumerate() {
+            for (k, axis) in axes.into_iter().enumerate() {
+                sheared.origin[k] = self.origin[axis][vector];
+                sheared.shear[k] = self.shear[k][vector];
+            }
         }
     }
 
-    /// The axis along which all directions are largest, if there is one and the rays of `valid` can
+    /// The axis along which the directions of all of these rays are largest, if there is one and they can
     /// descend together.
     #[inline(always)]
-    pub(super) fn common_axis(&self, valid: Mask) -> Option<usize> {
-        let axis = (0..3).find(|&axis| (valid & !self.largest[axis]).none())?;
-        let Vec3s { x, y, z } = self.reciprocal;
+    pub(super) fn common_axis(&self, rays: Rays) -> Option<usize> {
+        if rays.count_ones() <= FEW {
+            return None;
+        }
         let most = F32s::splat(f32::MAX);
-        let finite = x.le(most) & y.le(most) & z.le(most);
-        (valid.count() > FEW && (valid & !finite).none()).then_some(axis)
+        let axis = bytemuck::cast_slice::<U32s, u32>(&self.largest)[rays.trailing_zeros() as usize];
+        let like = (0..VECTORS).all(|vector| {
+            let others = !self.largest[vector].eq(U32s::splat(axis));
+            let [x, y, z] = self.reciprocal.each_ref().map(|column| column[vector]);
+            let finite = x.le(most) & y.le(most) & z.le(most);
+            (lanes_of(rays, vector) & (others | !finite)).none()
+        });
+        like.then_some(axis as usize)
     }
 
-    /// Whether the directions of `valid` are close.
+    /// Whether the directions of these rays are close enough for a group.
     #[inline(always)]
-    pub(super) fn is_coherent(&self, valid: Mask) -> bool {
-        let Vec3s { x, y, z } = self.direction;
-        [x, y, z].into_iter().all(|component| {
-            let [low, high] = range(component, valid);
-            high - low <= COHERENT_SPREAD
+    pub(super) fn is_coherent(&self, rays: Rays) -> bool {
+        let most = if rays.count_ones() as usize > LANES {
+            GROUP_SPREAD
+        } else {
+            VECTOR_SPREAD
+        };
+        self.direction.iter().all(|column| {
+            let [low, high] = range(column, rays);
+            high - low <= most
         })
+    }
+
+    /// Those of these rays that end beyond `near`.
+    #[inline(always)]
+    fn beyond(&self, rays: Rays, near: f32) -> Rays {
+        let near = F32s::splat(near);
+        let mut beyond = 0;
+        for (vector, &t) in self.t.iter().enumerate() {
+            let lanes = near.lt(t * F32s::splat(FAR_PADDING));
+            beyond |= Rays::from(lanes.0) << (vector * LANES);
+        }
+        beyond & rays
+    }
+
+    /// Those of these rays that enter the child in `slot`. The test of each is that of
+    /// [`crate::geometry::slab::SlabRay`].
+    #[inline(always)]
+    fn enter_child<const OCTANT: usize>(&self, node: &Node, slot: usize, rays: Rays) -> Rays {
+        let mut all = 0;
+        for vector in 0..VECTORS {
+            let lanes = lanes_of(rays, vector);
+            if lanes.none() {
+                continue;
+            }
+            let (mut first, mut last) = (F32s::splat(0.0), self.t[vector]);
+            for axis in 0..3 {
+                let planes = node.planes[axis].as_array();
+                let (lower, upper) = (F32s::splat(planes[slot]), F32s::splat(planes[8 + slot]));
+                let origin = self.origin[axis][vector];
+                let reciprocal = self.reciprocal[axis][vector];
+                let (near, far) = if OCTANT >> axis & 1 == 0 {
+                    (lower - origin, upper - origin)
+                } else {
+                    (origin - upper, origin - lower)
+                };
+                first = (near * reciprocal).fast_max(first);
+                last = (far * reciprocal * F32s::splat(FAR_PADDING)).fast_min(last);
+            }
+            all |= Rays::from((first.le(last) & lanes).0) << (vector * LANES);
+        }
+        all
+    }
+
+    /// Tests these rays against primitives of the leaf; whether one was hit.
+    #[inline(always)]
+    fn meet_leaf<const SPHERES: bool, Q: Query>(
+        &mut self,
+        leaf: &Leaf<'_>,
+        bundle: &Bundle,
+        rays: Rays,
+    ) -> bool {
+        let rows = bundle.axes.map(|axis| leaf.rows(axis));
+        let valid = Mask::first(leaf.triangles);
+        let mut met = Mask::NONE;
+        for index in bundle.cone.meets(&rows, valid).lanes() {
+            let corners = rows.map(|rows| rows.map(|row| row[index]));
+            let id = U32s::splat(leaf.id(index));
+            for vector in 0..VECTORS {
+                let lanes = lanes_of(rays, vector);
+                if lanes.none() {
+                    continue;
+                }
+                let (hits, t) = self.sheared[vector].intersect(&corners, lanes);
+                if hits.any() {
+                    let hits = hits & !self.skip[vector].eq(id);
+                    met = met | self.take::<Q>(vector, hits, t, id);
+                }
+            }
+        }
+        if SPHERES && leaf.spheres > 0 {
+            for vector in 0..VECTORS {
+                let [origin, direction] = [&self.origin, &self.direction]
+                    .map(|[x, y, z]| Vec3s::new(x[vector], y[vector], z[vector]));
+                for index in 0..leaf.spheres {
+                    let (id, center, radius) = leaf.sphere(index);
+                    let (center, radius) = (Vec3s::splat(center), F32s::splat(radius));
+                    let id = U32s::splat(id);
+                    let leaving = self.skip[vector].eq(id);
+                    let t = sphere_distance(center, radius, origin, direction, leaving);
+                    let hits = lanes_of(rays, vector) & t.lt(F32s::splat(f32::INFINITY));
+                    met = met | self.take::<Q>(vector, hits, t, id);
+                }
+            }
+        }
+        met.any()
+    }
+
+    /// Takes hits of the primitive `id` where they count; the lanes where one did.
+    #[inline(always)]
+    fn take<Q: Query>(&mut self, vector: usize, hits: Mask, t: F32s, id: U32s) -> Mask {
+        let (end, primitive) = (self.t[vector], self.primitive[vector]);
+        let taken = if Q::ANY {
+            hits & t.lt(end) & !self.target[vector].eq(id)
+        } else {
+            hits & (t.lt(end) | (Compare::eq(t, end) & id.lt(primitive)))
+        };
+        let t = if Q::ANY { F32s::splat(-1.0) } else { t };
+        self.t[vector] = taken.select(t, end);
+        self.primitive[vector] = taken.select_u32(id, primitive);
+        taken
     }
 }
 
-/// Smallest and largest of the lanes of `valid`, of which there must be one.
+impl Default for Group {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
+/// Smallest and largest number of these rays, of which there must be one.
 #[inline(always)]
-fn range(values: F32s, valid: Mask) -> [f32; 2] {
-    let quarters = |v: F32s| bytemuck::cast::<F32s, [f32x4; LANES / 4]>(v);
-    let low = quarters(valid.select(values, F32s::splat(f32::INFINITY)));
-    let high = quarters(valid.select(values, F32s::splat(f32::NEG_INFINITY)));
-    let low = low.into_iter().fold(low[0], f32x4::fast_min).to_array();
-    let high = high.into_iter().fold(high[0], f32x4::fast_max).to_array();
+fn range(column: &Column, rays: Rays) -> [f32; 2] {
+    let mut low = F32s::splat(f32::INFINITY);
+    let mut high = F32s::splat(f32::NEG_INFINITY);
+    for (vector, &values) in column.iter().enumerate() {
+        let lanes = lanes_of(rays, vector);
+        low = low.fast_min(lanes.select(values, low));
+        high = high.fast_max(lanes.select(values, high));
+    }
+    [least(low), -least(-high)]
+}
+
+/// The smallest of all lanes.
+#[inline(always)]
+fn least(values: F32s) -> f32 {
+    let quarters = bytemuck::cast::<F32s, [f32x4; LANES / 4]>(values);
+    let least = quarters.into_iter().fold(quarters[0], f32x4::fast_min);
+    let [a, b, c, d] = least.to_array();
     let less = |a: f32, b: f32| if a < b { a } else { b };
-    let more = |a: f32, b: f32| if a > b { a } else { b };
-    [
-        less(less(low[0], low[1]), less(low[2], low[3])),
-        more(more(high[0], high[1]), more(high[2], high[3])),
-    ]
+    less(less(a, b), less(c, d))
 }
 
 /// Subtrees left to a ray, in the order in which the group came to them.
@@ -112,27 +322,36 @@ pub(super) struct Pending {
     pub(super) len: usize,
 }
 
+impl Pending {
+    const NONE: Self = Self {
+        t: [0.0; MOST_PENDING],
+        reference: [0; MOST_PENDING],
+        len: 0,
+    };
+}
+
+/// A subtree put aside.
+#[derive(Debug, Clone, Copy)]
+struct Aside {
+    rays: Rays,
+    /// No ray enters it before this distance.
+    near: f32,
+    reference: u32,
+}
+
 /// Memory of a worker.
 #[derive(Debug)]
 pub(super) struct Scratch {
-    /// Subtrees put aside: where each lane enters, infinite where it does not.
-    near: Vec<F32s>,
-    reference: Vec<u32>,
-    /// Per lane.
-    pub(super) pending: [Pending; LANES],
+    aside: Vec<Aside>,
+    /// Per ray.
+    pub(super) pending: [Pending; GROUP],
 }
 
 impl Default for Scratch {
     fn default() -> Self {
-        let none = Pending {
-            t: [0.0; MOST_PENDING],
-            reference: [0; MOST_PENDING],
-            len: 0,
-        };
         Self {
-            near: Vec::new(),
-            reference: Vec::new(),
-            pending: [none; LANES],
+            aside: Vec::new(),
+            pending: [Pending::NONE; GROUP],
         }
     }
 }
@@ -140,201 +359,227 @@ impl Default for Scratch {
 impl Scratch {
     /// Makes room for trees that need `bound` entries.
     pub(super) fn reserve(&mut self, bound: usize) {
-        if self.near.len() < bound {
-            self.near.resize(bound, F32s::splat(0.0));
-            self.reference.resize(bound, 0);
+        let none = Aside {
+            rays: 0,
+            near: 0.0,
+            reference: 0,
+        };
+        if self.aside.len() < bound {
+            self.aside.resize(bound, none);
         }
     }
 }
 
-/// Bounds of all rays of a group, in the form in which one ray is tested against eight boxes.
+/// Bounds of the rays of a group. Every rounding is that of a single ray's test and monotone, so that
+/// bounds stay bounds.
 struct Bundle {
-    /// Largest origin for lower planes, smallest for upper ones.
-    origin: [f32x16; 3],
-    /// Smallest and largest |1/d| for lower planes, negated for upper ones.
+    /// Least and most along each axis.
+    origin: [[f32; 2]; 3],
+    /// Least and most |1/d| for lower planes, negated for upper ones.
     reciprocal: [[f32x16; 2]; 3],
     /// 0 for near planes, minus the largest of the rays' ends for far ones.
     limits: f32x16,
+    /// The axes of [`ShearRays`].
+    axes: [usize; 3],
+    cone: Cone,
+}
+
+/// A vector of numbers for lower planes and one for upper ones.
+#[inline(always)]
+fn halves(low: f32, high: f32) -> f32x16 {
+    bytemuck::cast([f32x8::splat(low), f32x8::splat(high)])
 }
 
 impl Bundle {
     #[inline(always)]
-    fn new(rays: &PacketRays, valid: Mask) -> Self {
-        let columns = |v: Vec3s| [v.x, v.y, v.z];
-        let halves = |low: f32, high: f32| {
-            bytemuck::cast::<_, f32x16>([f32x8::splat(low), f32x8::splat(high)])
-        };
-        let origin = columns(rays.origin).map(|column| {
-            let [low, high] = range(column, valid);
-            halves(high, low)
-        });
-        let reciprocal = columns(rays.reciprocal)
-            .map(|column| range(column, valid).map(|bound| halves(bound, -bound)));
+    fn new(group: &Group, axis: usize, rays: Rays) -> Self {
+        let axes = [(axis + 1) % 3, (axis + 2) % 3, axis];
+        let origin = group.origin.each_ref().map(|column| range(column, rays));
+        let shear = [0, 1].map(|k| range(&group.shear[k], rays));
         let mut bundle = Self {
             origin,
-            reciprocal,
+            reciprocal: group
+                .reciprocal
+                .each_ref()
+                .map(|column| range(column, rays).map(|bound| halves(bound, -bound))),
             limits: f32x16::ZERO,
+            axes,
+            cone: Cone::new(axes.map(|axis| origin[axis]), shear),
         };
-        bundle.limit(rays.t, valid);
+        bundle.limit(group, rays);
         bundle
     }
 
     /// Takes the rays' ends into account.
     #[inline(always)]
-    fn limit(&mut self, t: F32s, valid: Mask) {
-        let [_, most] = range(t, valid);
-        self.limits = bytemuck::cast([f32x8::splat(0.0), f32x8::splat(-most)]);
+    fn limit(&mut self, group: &Group, rays: Rays) {
+        let [_, most] = range(&group.t, rays);
+        self.limits = halves(0.0, -most);
     }
 
-    /// Children that some ray may enter. Every rounding is that of a single ray's test and monotone, so
-    /// that bounds stay bounds.
+    /// Children that some ray may enter, with a distance before which none does, and children that all
+    /// enter unless they end before.
     #[inline(always)]
-    fn enters<const OCTANT: usize>(&self, node: &Node) -> u32 {
-        entered::<OCTANT>(self.limits, |axis| {
-            let offset = node.planes[axis] - self.origin[axis];
-            let [least, most] = self.reciprocal[axis].map(|reciprocal| offset * reciprocal);
-            least.fast_min(most)
-        })
-        .0
+    fn enters<const OCTANT: usize>(&self, node: &Node) -> (u32, f32x8, u32) {
+        let (some, near) = entered::<OCTANT>(self.limits, |axis| {
+            let [least, most] = self.origin[axis];
+            let offset = node.planes[axis] - halves(most, least);
+            let [a, b] = self.reciprocal[axis].map(|reciprocal| offset * reciprocal);
+            a.fast_min(b)
+        });
+        let (all, _) = entered::<OCTANT>(halves(0.0, f32::NEG_INFINITY), |axis| {
+            let [least, most] = self.origin[axis];
+            let offset = node.planes[axis] - halves(least, most);
+            let [a, b] = self.reciprocal[axis].map(|reciprocal| offset * reciprocal);
+            a.fast_max(b)
+        });
+        (some, near, all)
     }
 }
 
-/// Traces the rays of `valid`, whose directions are of this octant and largest along `axis`, through the
-/// tree; what is left to each alone is in `scratch.pending`.
+/// Bounds of rays across the axis z along which all their directions are largest: at a
+/// distance z from the middle of their origins they lie within `least + slope·|z|` of the middle ray.
+#[derive(Debug, Clone, Copy)]
+struct Cone {
+    origin: [f32; 3],
+    shear: [f32; 2],
+    least: [f32; 2],
+    slope: [f32; 2],
+}
+
+impl Cone {
+    const NONE: Self = Self {
+        origin: [0.0; 3],
+        shear: [0.0; 2],
+        least: [0.0; 2],
+        slope: [0.0; 2],
+    };
+
+    /// Relative to what bounds are, more than all roundings in [`ShearRays`], in the bounds and in
+    /// [`Self::meets`] together.
+    const SLACK: f32 = 32.0 * f32::EPSILON;
+
+    /// From ranges of the origins and of the shear along the axes.
+    #[inline(always)]
+    fn new(origin: [[f32; 2]; 3], shear: [[f32; 2]; 2]) -> Self {
+        let middle = |[low, high]: [f32; 2]| {
+            let middle = 0.5 * low + 0.5 * high;
+            (middle, (high - middle).max(middle - low))
+        };
+        let [x, y, z] = origin.map(middle);
+        let [u, v] = shear.map(middle);
+        let across = [(x, u), (y, v)];
+        let steepest = across.map(|(_, (shear, radius))| shear.abs() + radius);
+        Self {
+            origin: [x.0, y.0, z.0],
+            shear: [u.0, v.0],
+            least: [0, 1].map(|k| (across[k].0.1 + steepest[k] * z.1) * (1.0 + Self::SLACK)),
+            slope: [0, 1].map(|k| across[k].1.1 + steepest[k] * Self::SLACK),
+        }
+    }
+
+    /// Triangles of `valid`, by rows of their coordinates along the axes, that some of the rays may meet:
+    /// those of which the corners do not all lie on one side of all rays.
+    #[inline(always)]
+    fn meets(&self, rows: &[[&[f32]; 3]; 3], valid: Mask) -> Mask {
+        let mut above = [F32s::splat(f32::NEG_INFINITY); 2];
+        let mut below = [F32s::splat(f32::INFINITY); 2];
+        for corner in 0..3 {
+            let offset =
+                |k: usize| load_first(rows[k][corner], 0, valid) - F32s::splat(self.origin[k]);
+            let z = offset(2);
+            for k in 0..2 {
+                let across = offset(k) - F32s::splat(self.shear[k]) * z;
+                let radius = z
+                    .abs()
+                    .mul_add(F32s::splat(self.slope[k]), F32s::splat(self.least[k]));
+                above[k] = above[k].fast_max(across + radius);
+                below[k] = below[k].fast_min(across - radius);
+            }
+        }
+        let zero = F32s::splat(0.0);
+        let [x, y] = [0, 1].map(|k| above[k].ge(zero) & below[k].le(zero));
+        valid & x & y
+    }
+}
+
+/// Traces these rays, whose directions are of this octant and largest along `axis`, through the tree; what
+/// is left to each alone is in `scratch.pending`.
 #[inline(always)]
 pub(super) fn descend<const OCTANT: usize, const SPHERES: bool, Q: Query>(
     tree: &Blocks,
-    rays: &mut PacketRays,
+    group: &mut Group,
     axis: usize,
-    valid: Mask,
+    rays: Rays,
     scratch: &mut Scratch,
     counters: &mut AccelCounters,
 ) {
-    let infinity = F32s::splat(f32::INFINITY);
-    let shear = ShearRays::new(rays.origin, axis, rays.shear);
-    let mut bundle = Bundle::new(rays, valid);
-    for pending in &mut scratch.pending {
-        pending.len = 0;
+    group.shear([(axis + 1) % 3, (axis + 2) % 3, axis]);
+    let mut bundle = Bundle::new(group, axis, rays);
+    for ray in each(rays) {
+        scratch.pending[ray].len = 0;
     }
     let mut most_pending = 0;
-    let mut near = valid.select(F32s::splat(0.0), infinity);
-    let mut reference = tree.root;
+    let mut at = Aside {
+        rays,
+        near: 0.0,
+        reference: tree.root,
+    };
     let mut size = 0;
     loop {
-        let active = near.lt(rays.t * F32s::splat(FAR_PADDING));
-        if active.count() <= FEW && most_pending < MOST_PENDING {
-            let near = near.to_array();
-            for lane in active.lanes() {
-                let pending = &mut scratch.pending[lane];
-                pending.t[pending.len] = near[lane];
-                pending.reference[pending.len] = reference;
+        let active = group.beyond(at.rays, at.near);
+        let count = active.count_ones();
+        if count <= FEW && most_pending < MOST_PENDING {
+            for ray in each(active) {
+                let pending = &mut scratch.pending[ray];
+                pending.t[pending.len] = at.near;
+                pending.reference[pending.len] = at.reference;
                 pending.len += 1;
                 most_pending = most_pending.max(pending.len);
             }
-        } else if reference & LEAF == 0 {
-            counters.nodes += active.count() as u64;
-            let node = tree.node(reference);
-            let mask = bundle.enters::<OCTANT>(node);
-            let order = &ORDER[OCTANT][mask as usize];
-            let count = mask.count_ones() as usize;
+        } else if at.reference & LEAF == 0 {
+            counters.nodes += u64::from(count);
+            let node = tree.node(at.reference);
+            let (some, near, all) = bundle.enters::<OCTANT>(node);
+            let near = near.as_array();
+            let order = &ORDER[OCTANT][some as usize];
+            let count = some.count_ones() as usize;
+            let base = size;
             for place in 0..count {
                 let lane = if place + 1 == count { NEAREST } else { place };
                 let slot = usize::from(order[lane]);
-                let (entered, near) = enter_child::<OCTANT>(node, slot, rays, active);
-                if entered.any() {
-                    scratch.near[size] = entered.select(near, infinity);
-                    scratch.reference[size] = node.children[slot];
+                let rays = if all >> slot & 1 == 0 {
+                    group.enter_child::<OCTANT>(node, slot, active)
+                } else {
+                    active
+                };
+                if rays != 0 {
+                    let near = near[slot];
+                    let mut place = size;
+                    while place > base && scratch.aside[place - 1].near < near {
+                        scratch.aside[place] = scratch.aside[place - 1];
+                        place -= 1;
+                    }
+                    scratch.aside[place] = Aside {
+                        rays,
+                        near,
+                        reference: node.children[slot],
+                    };
                     tree.prefetch(node.children[slot]);
                     size += 1;
                 }
             }
         } else {
-            let leaf = tree.leaf(reference);
-            counters.tests += ((leaf.triangles + leaf.spheres) * active.count()) as u64;
-            if meet_leaf::<SPHERES, Q>(&leaf, rays, &shear, active) {
-                bundle.limit(rays.t, valid);
+            let leaf = tree.leaf(at.reference);
+            counters.tests += (leaf.triangles + leaf.spheres) as u64 * u64::from(count);
+            if group.meet_leaf::<SPHERES, Q>(&leaf, &bundle, active) {
+                bundle.limit(group, rays);
             }
         }
         if size == 0 {
             return;
         }
         size -= 1;
-        near = scratch.near[size];
-        reference = scratch.reference[size];
-    }
-}
-
-/// Lanes of `active` that enter the child in `slot`, and where. The test of each lane is that of
-/// [`crate::geometry::slab::SlabRay`].
-#[inline(always)]
-fn enter_child<const OCTANT: usize>(
-    node: &Node,
-    slot: usize,
-    rays: &PacketRays,
-    active: Mask,
-) -> (Mask, F32s) {
-    let (origin, reciprocal) = (&rays.origin, &rays.reciprocal);
-    let origin = [origin.x, origin.y, origin.z];
-    let reciprocal = [reciprocal.x, reciprocal.y, reciprocal.z];
-    let (mut first, mut last) = (F32s::splat(0.0), rays.t);
-    for axis in 0..3 {
-        let planes = node.planes[axis].as_array();
-        let (lower, upper) = (F32s::splat(planes[slot]), F32s::splat(planes[8 + slot]));
-        let (near, far) = if OCTANT >> axis & 1 == 0 {
-            (lower - origin[axis], upper - origin[axis])
-        } else {
-            (origin[axis] - upper, origin[axis] - lower)
-        };
-        first = (near * reciprocal[axis]).fast_max(first);
-        last = (far * reciprocal[axis] * F32s::splat(FAR_PADDING)).fast_min(last);
-    }
-    (first.le(last) & active, first)
-}
-
-/// Tests the rays of `active` against each primitive of the leaf; whether one was hit.
-#[inline(always)]
-fn meet_leaf<const SPHERES: bool, Q: Query>(
-    leaf: &Leaf<'_>,
-    rays: &mut PacketRays,
-    shear: &ShearRays,
-    active: Mask,
-) -> bool {
-    let mut met = false;
-    for index in 0..leaf.triangles {
-        let coordinate = |axis, corner| leaf.coordinate(index, axis, corner);
-        let (hits, t) = shear.intersect(coordinate, active);
-        if hits.any() {
-            let id = leaf.id(index);
-            let hits = hits & !rays.skip.eq(U32s::splat(id));
-            met |= rays.take::<Q>(hits, t, id);
-        }
-    }
-    if SPHERES {
-        for index in 0..leaf.spheres {
-            let (id, center, radius) = leaf.sphere(index);
-            let (center, radius) = (Vec3s::splat(center), F32s::splat(radius));
-            let leaving = rays.skip.eq(U32s::splat(id));
-            let t = sphere_distance(center, radius, rays.origin, rays.direction, leaving);
-            let hits = active & t.lt(F32s::splat(f32::INFINITY));
-            met |= rays.take::<Q>(hits, t, id);
-        }
-    }
-    met
-}
-
-impl PacketRays {
-    /// Takes hits of the primitive `id` where they count; whether one did.
-    #[inline(always)]
-    fn take<Q: Query>(&mut self, hits: Mask, t: F32s, id: u32) -> bool {
-        let id = U32s::splat(id);
-        let taken = if Q::ANY {
-            hits & t.lt(self.t) & !self.target.eq(id)
-        } else {
-            hits & (t.lt(self.t) | (Compare::eq(t, self.t) & id.lt(self.primitive)))
-        };
-        let t = if Q::ANY { F32s::splat(-1.0) } else { t };
-        self.t = taken.select(t, self.t);
-        self.primitive = taken.select_u32(id, self.primitive);
-        taken.any()
+        at = scratch.aside[size];
     }
 }

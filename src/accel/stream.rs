@@ -12,7 +12,7 @@ use wide::{f32x8, f32x16};
 use super::blocks::{Blocks, DONE, LEAF};
 use super::collapse::WIDTH;
 use super::octant::{NEAREST, OCTANTS, ORDER, permute};
-use super::packet::{self, PacketRays};
+use super::packet::{self, GROUP, Group, Rays, each, lanes_of, rays_of};
 use super::{AccelCounters, RayBatch};
 use crate::geometry::PrimitiveId;
 use crate::geometry::slab::{FAR_PADDING, keep_max16};
@@ -46,6 +46,9 @@ pub(super) trait Query {
 
     /// Takes a ray's answer: the closest hit, or any primitive where [`Self::ANY`].
     fn finish(&mut self, ray: usize, t: f32, primitive: u32);
+
+    /// As [`Self::finish`], for [`LANES`] rays from `first` on.
+    fn finish_row(&mut self, first: usize, t: F32s, primitive: U32s);
 }
 
 /// Answers `query` for each ray of the batch.
@@ -66,7 +69,8 @@ pub(super) fn trace<Q: Query>(
             ($spheres:literal: $($octant:literal)*) => {
                 $(Traversal::<$octant, $spheres, Q> { tree, packets, rays, query, counters, scratch,
                     lists: Lists { nodes: List::EMPTY, leaves: List::EMPTY, done: List::EMPTY },
-                    free: std::array::from_fn(|slot| slot as u32), free_len: IN_FLIGHT }
+                    free: std::array::from_fn(|slot| slot as u32), free_len: IN_FLIGHT,
+                    alone: 0, descended: 0 }
                     .run(octants[$octant]..octants[$octant + 1]);)*
             };
         }
@@ -115,6 +119,7 @@ struct Scratch {
     /// Rays by octant.
     order: Vec<u32>,
     packet: packet::Scratch,
+    group: Group,
 }
 
 impl Scratch {
@@ -173,6 +178,13 @@ impl Scratch {
     }
 }
 
+/// The first of these rays, if they follow one another. They are in order.
+#[inline(always)]
+fn row(ray: U32s) -> Option<usize> {
+    let [first, last] = [0, LANES - 1].map(|lane| ray.as_array()[lane] as usize);
+    (last == first + LANES - 1).then_some(first)
+}
+
 /// The octant of each direction, or [`OCTANTS`] for rays with NaN or infinity, or without direction.
 #[inline(always)]
 fn octant_of(rays: &RayBatch<'_>, at: usize) -> U32s {
@@ -199,6 +211,25 @@ impl Flight {
         current: DONE,
         top: 0,
     };
+
+    /// The flight of a ray of the group, at no place yet.
+    #[inline(always)]
+    fn new(group: &Group, ray: usize) -> Self {
+        let at =
+            |columns: &[packet::Column; 3]| columns.each_ref().map(|column| group.at(column, ray));
+        let largest = group.at_u32(&group.largest, ray) as usize;
+        Self {
+            reciprocal: at(&group.reciprocal)
+                .map(|r| bytemuck::cast([f32x8::splat(r), f32x8::splat(-r)])),
+            shear: ShearRay::from_parts(at(&group.origin), largest, at(&group.shear)),
+            t: group.at(&group.t, ray),
+            primitive: group.at_u32(&group.primitive, ray),
+            skip: group.at_u32(&group.skip, ray),
+            target: group.at_u32(&group.target, ray),
+            ray: group.at_u32(&group.ray, ray),
+            ..Self::NONE
+        }
+    }
 }
 
 /// Flights by what they do next.
@@ -262,6 +293,10 @@ struct Traversal<'a, 'b, const OCTANT: usize, const SPHERES: bool, Q> {
     /// Flights without a ray.
     free: [u32; IN_FLIGHT],
     free_len: usize,
+    /// Rays of the group at hand that have yet to take off.
+    alone: Rays,
+    /// Rays of the group at hand that have descended together.
+    descended: Rays,
 }
 
 impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTANT, SPHERES, Q> {
@@ -270,10 +305,19 @@ impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTAN
         // Where the flights of the list at hand go.
         let mut next = [DONE; IN_FLIGHT + LANES];
         loop {
-            while !waiting.is_empty() && self.free_len >= LANES.min(waiting.len()) {
-                let group = waiting.start..waiting.end.min(waiting.start + LANES);
-                waiting.start = group.end;
-                self.begin(group);
+            loop {
+                if self.alone == 0 {
+                    if waiting.is_empty() {
+                        break;
+                    }
+                    let group = waiting.start..waiting.end.min(waiting.start + GROUP);
+                    waiting.start = group.end;
+                    self.begin(group);
+                } else if self.free_len >= LANES.min(self.alone.count_ones() as usize) {
+                    self.take_off();
+                } else {
+                    break;
+                }
             }
             if self.free_len == IN_FLIGHT {
                 break;
@@ -302,66 +346,102 @@ impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTAN
         }
     }
 
-    /// Starts the rays at these places of the order, at most [`LANES`], in free flights.
+    /// Takes up the rays at these places of the order, at most [`GROUP`]: those that can descend together
+    /// do; what remains is to take off.
     #[inline(always)]
-    fn begin(&mut self, group: Range<usize>) {
-        let valid = Mask::first(group.len());
-        let ray = load_u32(&self.scratch.order, group.start);
-        let len = self.rays.len;
-        let gather3 = |columns: [&[f32]; 3]| {
-            let [x, y, z] = columns.map(|column| gather(&column[..len], ray));
-            Vec3s::new(x, y, z)
-        };
-        let skip = gather_u32(&self.rays.skip[..len], ray);
-        let (t, target) = self.query.ends(ray);
-        let origin = gather3(self.rays.origin);
-        let mut rays = PacketRays::new(origin, gather3(self.rays.direction), skip, t, target);
-        let axis = rays
-            .common_axis(valid)
-            .filter(|_| self.packets == Packets::Always || rays.is_coherent(valid));
-        if let Some(axis) = axis {
-            packet::descend::<OCTANT, SPHERES, Q>(
-                self.tree,
-                &mut rays,
-                axis,
-                valid,
-                &mut self.scratch.packet,
-                self.counters,
-            );
+    fn begin(&mut self, places: Range<usize>) {
+        let all = Rays::MAX >> (GROUP - places.len());
+        for (vector, at) in places.clone().step_by(LANES).enumerate() {
+            self.load(vector, at, places.end - at);
         }
-        // Lanes that go on alone.
-        let mut alone = valid;
-        if axis.is_some() {
-            let (t, primitive) = (rays.t.to_array(), rays.primitive.to_array());
-            for lane in valid.lanes() {
-                if self.scratch.packet.pending[lane].len == 0 {
-                    alone = alone & !Mask(1 << lane);
-                    let ray = ray.as_array()[lane] as usize;
-                    self.query.finish(ray, t[lane], primitive[lane]);
+        self.alone = all;
+        self.descended = 0;
+        if !self.descend(all) {
+            for vector in 0..GROUP / LANES {
+                self.descend(all & rays_of(vector));
+            }
+        }
+        let Scratch { group, packet, .. } = &*self.scratch;
+        for ray in each(self.descended) {
+            if packet.pending[ray].len == 0 {
+                self.alone &= !(1 << ray);
+            }
+        }
+        for vector in 0..GROUP / LANES {
+            let lanes = lanes_of(all & !self.alone, vector);
+            let (ray, t, primitive) = (group.ray[vector], group.t[vector], group.primitive[vector]);
+            match row(ray) {
+                Some(first) if lanes == Mask::ALL => self.query.finish_row(first, t, primitive),
+                _ => {
+                    let (ray, t, primitive) = (ray.to_array(), t.to_array(), primitive.to_array());
+                    for lane in lanes.lanes() {
+                        self.query
+                            .finish(ray[lane] as usize, t[lane], primitive[lane]);
+                    }
                 }
             }
         }
-        if alone.any() {
-            self.take_off(&rays, ray, alone, axis.is_some());
-        }
     }
 
-    /// Puts the rays of these lanes in flight, at the root or at what a group has left to each.
+    /// Loads `count` rays from a place of the order on into a vector of the group.
+    #[inline(always)]
+    fn load(&mut self, vector: usize, at: usize, count: usize) {
+        let ray = load_u32(&self.scratch.order, at);
+        let len = self.rays.len;
+        let row = row(ray).filter(|_| count >= LANES);
+        let gather3 = |columns: [&[f32]; 3]| match row {
+            Some(first) => columns.map(|column| load(column, first)),
+            None => columns.map(|column| gather(&column[..len], ray)),
+        };
+        let rays = [gather3(self.rays.origin), gather3(self.rays.direction)];
+        let skip = gather_u32(&self.rays.skip[..len], ray);
+        self.scratch
+            .group
+            .set(vector, ray, rays, skip, self.query.ends(ray));
+    }
+
+    /// Lets these rays descend together if they can; whether they did.
+    #[inline(always)]
+    fn descend(&mut self, rays: Rays) -> bool {
+        let group = &mut self.scratch.group;
+        let Some(axis) = group.common_axis(rays) else {
+            return false;
+        };
+        let together = group.is_coherent(rays)
+            || self.packets == Packets::Always && rays.count_ones() as usize <= LANES;
+        if together {
+            packet::descend::<OCTANT, SPHERES, Q>(
+                self.tree,
+                group,
+                axis,
+                rays,
+                &mut self.scratch.packet,
+                self.counters,
+            );
+            self.descended |= rays;
+        }
+        together
+    }
+
+    /// Puts rays of the group in flight while there is room, at the root or at what the group has left to
+    /// each.
     #[inline(never)]
-    fn take_off(&mut self, rays: &PacketRays, ray: U32s, lanes: Mask, from_group: bool) {
-        let columns = RayLanes::new(rays);
-        for lane in lanes.lanes() {
-            let ray = ray.as_array()[lane];
-            let flight = columns.flight(lane, ray);
-            let slot = self.free[self.free_len - 1] as usize;
-            let base = slot * self.scratch.stride;
+    fn take_off(&mut self) {
+        for place in each(self.alone) {
+            if self.free_len == 0 {
+                break;
+            }
+            self.alone &= !(1 << place);
             let scratch = &mut *self.scratch;
+            let flight = Flight::new(&scratch.group, place);
+            let slot = self.free[self.free_len - 1] as usize;
+            let base = slot * scratch.stride;
             scratch.stack[base] = DONE;
             scratch.stack_t[base] = f32::NEG_INFINITY;
             let mut top = base + 1;
-            let current = if from_group {
+            let current = if self.descended >> place & 1 != 0 {
                 // The last that the group came to is the first to be put aside.
-                let pending = &scratch.packet.pending[lane];
+                let pending = &scratch.packet.pending[place];
                 for at in (0..pending.len).rev() {
                     scratch.stack_t[top] = pending.t[at];
                     scratch.stack[top] = pending.reference[at];
@@ -373,7 +453,8 @@ impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTAN
                 self.tree.root
             };
             if current == DONE {
-                self.query.finish(ray as usize, flight.t, flight.primitive);
+                self.query
+                    .finish(flight.ray as usize, flight.t, flight.primitive);
                 continue;
             }
             scratch.flights[slot] = Flight {
@@ -489,55 +570,6 @@ impl Flight {
             }
         }
         hits.any()
-    }
-}
-
-/// A group of rays, taken apart.
-struct RayLanes {
-    origin: [[f32; LANES]; 3],
-    reciprocal: [[f32; LANES]; 3],
-    shear: [[f32; LANES]; 3],
-    largest: [Mask; 3],
-    t: [f32; LANES],
-    primitive: [u32; LANES],
-    skip: [u32; LANES],
-    target: [u32; LANES],
-}
-
-impl RayLanes {
-    #[inline(always)]
-    fn new(rays: &PacketRays) -> Self {
-        let arrays = |v: Vec3s| [v.x, v.y, v.z].map(F32s::to_array);
-        Self {
-            origin: arrays(rays.origin),
-            reciprocal: arrays(rays.reciprocal),
-            shear: rays.shear.map(F32s::to_array),
-            largest: rays.largest,
-            t: rays.t.to_array(),
-            primitive: rays.primitive.to_array(),
-            skip: rays.skip.to_array(),
-            target: rays.target.to_array(),
-        }
-    }
-
-    /// The flight of a lane's ray, at no place yet.
-    #[inline(always)]
-    fn flight(&self, lane: usize, ray: u32) -> Flight {
-        let at = |columns: &[[f32; LANES]; 3]| [0, 1, 2].map(|k| columns[k][lane]);
-        let largest =
-            usize::from(self.largest[1].test(lane)) + 2 * usize::from(self.largest[2].test(lane));
-        Flight {
-            reciprocal: at(&self.reciprocal)
-                .map(|r| bytemuck::cast([f32x8::splat(r), f32x8::splat(-r)])),
-            shear: ShearRay::from_parts(at(&self.origin), largest, at(&self.shear)),
-            t: self.t[lane],
-            primitive: self.primitive[lane],
-            skip: self.skip[lane],
-            target: self.target[lane],
-            ray,
-            current: DONE,
-            top: 0,
-        }
     }
 }
 

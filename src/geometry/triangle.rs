@@ -9,7 +9,7 @@
 //! products of two f32 are exact.
 
 use super::{PrimitiveId, Triangle};
-use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s};
+use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s, load};
 use crate::math::vec3::Vec3s;
 
 /// A ray prepared for triangle tests.
@@ -131,43 +131,37 @@ impl ShearRay {
     }
 }
 
-/// [`LANES`] rays whose directions have the same largest component, prepared for triangle tests.
+/// [`LANES`] rays whose directions have the same largest component, prepared for triangle tests. Axes are
+/// those of [`ShearRay`]: z is the largest component, then come x and y.
 #[derive(Debug, Clone, Copy)]
 pub struct ShearRays {
-    /// Along the axes taken as x, y and z.
-    origin: [F32s; 3],
-    axes: [usize; 3],
-    shear: [F32s; 3],
+    /// Origins.
+    pub origin: [F32s; 3],
+    /// As from [`shear_lanes`].
+    pub shear: [F32s; 3],
 }
 
 impl ShearRays {
-    /// Prepares rays from `origin` whose directions are largest along axis `largest`; `shear` as from
-    /// [`shear_lanes`].
-    #[inline(always)]
-    pub fn new(origin: Vec3s, largest: usize, shear: [F32s; 3]) -> Self {
-        let axes = [(largest + 1) % 3, (largest + 2) % 3, largest];
-        let columns = [origin.x, origin.y, origin.z];
-        Self {
-            origin: axes.map(|axis| columns[axis]),
-            axes,
-            shear,
-        }
-    }
+    /// All zero: hits nothing.
+    pub const ZERO: Self = Self {
+        origin: [F32s::ZERO; 3],
+        shear: [F32s::ZERO; 3],
+    };
 
-    /// Lanes of `valid` whose rays hit the triangle of `coordinate(axis, corner)`, and their distances, > 0
-    /// (undefined in other lanes): for each ray the bits that [`ShearRay::intersect`] gives.
+    /// Lanes of `valid` whose rays hit the triangle, and their distances, > 0 (undefined in other lanes):
+    /// for each ray the bits that [`ShearRay::intersect`] gives. `corners[axis][corner]` along the rays' axes.
     #[inline(always)]
-    pub fn intersect(&self, coordinate: impl Fn(usize, usize) -> f32, valid: Mask) -> (Mask, F32s) {
-        let corner = |corner| self.project(&coordinate, corner);
+    pub fn intersect(&self, corners: &[[f32; 3]; 3], valid: Mask) -> (Mask, F32s) {
+        let corner = |corner| self.project(corners, corner);
         hits_of_projected([corner(0), corner(1), corner(2)], valid, || {
-            [0, 1, 2].map(|corner| self.project(&coordinate, corner))
+            [0, 1, 2].map(|corner| self.project(corners, corner))
         })
     }
 
     /// Images of a corner for all rays.
     #[inline(always)]
-    fn project(&self, coordinate: impl Fn(usize, usize) -> f32, corner: usize) -> [F32s; 3] {
-        let at = |k: usize| F32s::splat(coordinate(self.axes[k], corner)) - self.origin[k];
+    fn project(&self, corners: &[[f32; 3]; 3], corner: usize) -> [F32s; 3] {
+        let at = |k: usize| F32s::splat(corners[k][corner]) - self.origin[k];
         let z = at(2);
         [
             at(0) - self.shear[0] * z,
@@ -223,20 +217,22 @@ fn hits_of_projected(
     if undecided.none() {
         return (hit, t);
     }
-    decide_in_f64(hit, t, undecided, again)
+    // The answer comes back through memory of its own: `t` stays in a register.
+    let mut distances = t.to_array();
+    let hit = decide_in_f64(hit, &mut distances, undecided, again);
+    (hit, load(&distances, 0))
 }
 
-/// Replaces the answer of the undecided lanes.
+/// The lanes hit, with the answer of the undecided ones replaced.
 #[cold]
 #[inline(never)]
 fn decide_in_f64(
     mut hit: Mask,
-    t: F32s,
+    distances: &mut [f32; LANES],
     undecided: Mask,
     again: impl FnOnce() -> [[F32s; 3]; 3],
-) -> (Mask, F32s) {
+) -> Mask {
     let corners = again().map(|corner| corner.map(F32s::to_array));
-    let mut distances = t.to_array();
     for lane in undecided.lanes() {
         let bit = Mask(1 << lane);
         match intersect_projected_f64(corners.map(|corner| corner.map(|component| component[lane])))
@@ -248,7 +244,7 @@ fn decide_in_f64(
             None => hit = hit & !bit,
         }
     }
-    (hit, F32s::from(distances))
+    hit
 }
 
 /// The test with edge functions of exact sign; points exactly on an edge are inside.
