@@ -1,7 +1,7 @@
 //! A binary tree built from the top with splits of objects and of space (Stich, Friedrich and Dietrich, "Spatial
 //! Splits in Bounding Volume Hierarchies", 2009): where the children of the best split of objects overlap, a
 //! plane may cut triangles in two instead, if that costs less by surface area and the budget of references
-//! allows. References that are better whole on one side are not cut (section 4.4 there).
+//! allows. References that are better whole on one side are not cut (reference unsplitting there).
 
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
