@@ -1,5 +1,5 @@
 //! How the cost of a ray grows with the number of triangles, for incoherent rays over meshes from 10³
-//! triangles on, up to `SCALING_TRIANGLES` (10⁶ unless it is set, 3·10⁷ at most). Times are CPU seconds,
+//! triangles on, up to `SCALING_TRIANGLES` (10⁷ unless it is set, 3·10⁷ at most). Times are CPU seconds,
 //! throughput is in rays.
 //!
 //! After the measurements it prints what fits the least times: the exponent k of cost ∝ nᵏ, and for trees the line
@@ -41,7 +41,7 @@ fn sizes() -> Vec<u32> {
     let most = std::env::var("SCALING_TRIANGLES")
         .ok()
         .and_then(|value| value.parse::<f64>().ok())
-        .unwrap_or(1e6)
+        .unwrap_or(1e7)
         .min(3e7);
     let most = if is_test() { 3_200.0 } else { most };
     (0..)
@@ -71,7 +71,11 @@ fn measure(
     let incoherent = sets.iter().find(|set| set.kind() == RayKind::Diffuse2);
     let incoherent = incoherent.expect("every kind was asked for");
     let mut group = criterion.benchmark_group("scaling");
-    group.sampling_mode(SamplingMode::Flat).sample_size(10);
+    group
+        .sampling_mode(SamplingMode::Flat)
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(500))
+        .measurement_time(Duration::from_secs(2));
     let mut points = Vec::new();
     for structure in STRUCTURES {
         let primitives = scene.geometry.len();

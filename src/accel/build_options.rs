@@ -8,16 +8,16 @@ pub enum BuildQuality {
     /// About the build time of a binned surface-area builder.
     #[default]
     Medium,
-    /// Several times longer; large triangles are split among leaves.
+    /// Several times longer; triangles may be cut and be in several leaves.
     Best,
 }
 
 /// Part of a build.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum BuildPhase {
-    /// Boxes of all primitives, split and sorted.
+    /// Boxes of all primitives, sorted.
     Sort,
-    /// Clusters are merged into a binary tree.
+    /// Clusters are merged into a binary tree, or everything is split into one.
     Cluster,
     /// Subtrees are moved to better places.
     Optimize,
@@ -54,31 +54,27 @@ impl BuildOptions<'_> {
 /// What a quality means to the steps of the build.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Preset {
-    /// Neighbours on each side among which a cluster looks for its partner.
-    pub(super) window: usize,
+    /// Neighbours on each side among which a cluster looks for its partner. `None`: nothing is clustered; the
+    /// tree is built from the top, and triangles may be in several leaves.
+    pub(super) window: Option<usize>,
     /// Nodes that the first reinsertion pass looks at, as a share of all.
     pub(super) reinsertion: f32,
-    /// Whether triangles may be in several leaves.
-    pub(super) split: bool,
 }
 
 impl BuildQuality {
     pub(super) fn preset(self) -> Preset {
         match self {
             Self::Fast => Preset {
-                window: 4,
+                window: Some(4),
                 reinsertion: 0.01,
-                split: false,
             },
             Self::Medium => Preset {
-                window: 8,
+                window: Some(8),
                 reinsertion: 0.02,
-                split: false,
             },
             Self::Best => Preset {
-                window: 16,
+                window: None,
                 reinsertion: 0.2,
-                split: true,
             },
         }
     }

@@ -4,6 +4,7 @@ mod blocks;
 mod build_options;
 mod bvh2;
 mod bvh8;
+mod clip;
 mod collapse;
 pub mod foreign;
 mod huge_pages;
@@ -16,8 +17,8 @@ mod packet;
 mod ploc;
 mod polygon;
 mod reinsertion;
+mod sbvh;
 mod shell;
-mod split;
 mod stack;
 mod stream;
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! The binary tree behind all hierarchies: clusters merged along a Morton curve, then improved by obvhs's
-//! parallel reinsertion (Meister and Bittner, "Parallel Reinsertion for Bounding Volume Hierarchy
+//! The binary tree behind all hierarchies: clusters merged along a Morton curve, or at best quality splits of
+//! objects and of space from the top, then improved by obvhs's parallel reinsertion (Meister and Bittner, "Parallel Reinsertion for Bounding Volume Hierarchy
 //! Optimization", 2018). Nothing of obvhs traverses it.
 
 use glam::Vec3A;
@@ -7,7 +7,7 @@ use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::build_options::{BuildOptions, BuildPhase};
-use super::{morton, ploc, reinsertion, split};
+use super::{morton, ploc, reinsertion, sbvh};
 use crate::geometry::slab::Bounds;
 use crate::geometry::{Geometry, Sphere, Triangle};
 
@@ -24,41 +24,29 @@ pub(super) const MOST_LEAVES: usize = (1 << 31) - 1;
 pub(super) fn build(geometry: &Geometry, options: &BuildOptions<'_>) -> Vec<Node> {
     let preset = options.quality.preset();
     options.report(BuildPhase::Sort, 0.0);
-    let leaves = if preset.split {
-        let leaves = split_leaves(geometry);
-        morton::sorted(leaves.len(), |index| leaves[index as usize])
+    let tree = if let Some(window) = preset.window {
+        let leaves = morton::sorted(geometry.len(), |id| primitive_box(geometry, id));
+        options.report(BuildPhase::Sort, 1.0);
+        ploc::cluster(leaves, window, |share| {
+            options.report(BuildPhase::Cluster, share);
+        })
     } else {
-        morton::sorted(geometry.len(), |id| primitive_box(geometry, id))
+        let leaves = (0..geometry.len() as u32)
+            .into_par_iter()
+            .map(|id| primitive_box(geometry, id))
+            .collect();
+        options.report(BuildPhase::Sort, 1.0);
+        sbvh::build(geometry, leaves, MOST_LEAVES, |share| {
+            options.report(BuildPhase::Cluster, share);
+        })
     };
-    options.report(BuildPhase::Sort, 1.0);
-    let tree = ploc::cluster(leaves, preset.window, |share| {
-        options.report(BuildPhase::Cluster, share);
-    });
     reinsertion::optimize(tree, preset.reinsertion, |share| {
         options.report(BuildPhase::Optimize, share);
     })
 }
 
-/// Leaves of all primitives, several for triangles that fill their boxes badly.
-fn split_leaves(geometry: &Geometry) -> Vec<Node> {
-    let first_sphere = geometry.triangles.len() as u32;
-    let room = MOST_LEAVES - geometry.spheres.len();
-    split::triangle_parts(geometry, room)
-        .into_par_iter()
-        .map(|(bounds, id)| {
-            let [low, high] = bounds.corners.map(Vec3A::from);
-            Node::new(Aabb::new(low, high), 1, id)
-        })
-        .chain(
-            (first_sphere..geometry.len() as u32)
-                .into_par_iter()
-                .map(|id| primitive_box(geometry, id)),
-        )
-        .collect()
-}
-
 /// The leaf of a primitive.
-fn primitive_box(geometry: &Geometry, id: u32) -> Node {
+pub(super) fn primitive_box(geometry: &Geometry, id: u32) -> Node {
     let bounds = match geometry.triangles.get(id as usize) {
         Some(triangle) => triangle_box(triangle),
         None => sphere_box(&geometry.spheres[id as usize - geometry.triangles.len()]),

@@ -125,7 +125,7 @@ pub(super) struct RenderArgs {
     #[command(flatten)]
     pub(super) budget: BudgetArgs,
 
-    /// Worker threads (same image) [default: all cores]
+    /// Threads that load, build and render (same image) [default: all cores]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) threads: Option<usize>,
 

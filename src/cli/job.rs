@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::film::{ImageFormat, check_memory, check_writable};
+use crate::integrator::thread_pool;
 use crate::report::{LoadReport, Stopwatch};
 use crate::scene::{self, Budget, RenderSettings, SceneDescription};
 
@@ -129,7 +130,11 @@ impl RenderJob {
             given => given.to_vec(),
         };
         check_outputs(&images, args.report.as_deref())?;
-        let mut scene_job = SceneJob::new(&args.scene)?;
+        let load = || SceneJob::new(&args.scene);
+        let mut scene_job = match args.threads {
+            Some(threads) => thread_pool(threads)?.install(load)?,
+            None => load()?,
+        };
         let settings = &mut scene_job.settings;
         settings.budget = budget.unwrap_or(settings.budget);
         settings.threads = args.threads.unwrap_or(settings.threads);

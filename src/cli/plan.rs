@@ -20,11 +20,13 @@ pub(super) fn run(job: &SceneJob) -> Result<Status> {
         &job.settings,
     )?;
     print(&format!(
-        "{}, camera {}, {} × {} pixels\n{}\n",
+        "{}, camera {}, {} × {} pixels\n{}{}\n{}\n",
         job.name(),
         job.camera_name(),
         film.width,
         film.height,
+        job.load,
+        job.load.total(),
         Plan::new(&compiled, &job.settings).to_string().trim_end(),
     ))
 }

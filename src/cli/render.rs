@@ -30,14 +30,16 @@ pub(super) fn run(job: &RenderJob) -> Result<Status> {
 
     let progress = ProgressDisplay::new(job.quiet);
     let watch = Stopwatch::start();
-    let compiled = compile_with_progress(
-        scene,
-        *camera,
-        scene.film.width,
-        scene.film.height,
-        settings,
-        &|phase, share| progress.show_build(phase, share),
-    )?;
+    let compiled = integrator::thread_pool(settings.threads)?.install(|| {
+        compile_with_progress(
+            scene,
+            *camera,
+            scene.film.width,
+            scene.film.height,
+            settings,
+            &|phase, share| progress.show_build(phase, share),
+        )
+    })?;
     let build = watch.span();
 
     interrupt::listen()?;

@@ -51,6 +51,18 @@ pub struct Outcome {
 /// returns [`ControlFlow::Break`], and the work items in flight are completed.
 pub type Observer<'a> = dyn Fn(&Progress) -> ControlFlow<()> + Sync + 'a;
 
+/// Starts so many threads to work on.
+///
+/// # Errors
+/// [`crate::ErrorKind::Limit`] if they cannot be started.
+pub fn thread_pool(threads: usize) -> Result<rayon::ThreadPool> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|i| format!("worker-{i}"))
+        .build()
+        .map_err(|error| Error::limit(format!("cannot start {threads} threads: {error}")))
+}
+
 /// Renders `compiled`, made of `scene`, until the budget of `settings` is used or the observer breaks.
 ///
 /// # Errors
@@ -61,16 +73,7 @@ pub fn render(
     settings: &RenderSettings,
     observer: &Observer<'_>,
 ) -> Result<Outcome> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(settings.threads)
-        .thread_name(|i| format!("worker-{i}"))
-        .build()
-        .map_err(|error| {
-            Error::limit(format!(
-                "cannot start {} threads: {error}",
-                settings.threads
-            ))
-        })?;
+    let pool = thread_pool(settings.threads)?;
     let (width, height) = (compiled.width, compiled.height);
     let blocks = Blocks::new(settings);
     let tiles = Tiles::new(width, height);

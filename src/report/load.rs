@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::summary::mebibytes;
 use super::{Span, peak_memory, ratio};
 use crate::scene::MeshFile;
 
@@ -54,6 +55,16 @@ impl LoadReport {
             meshes: files.iter().map(mesh).collect(),
         }
     }
+
+    /// Time and memory of the whole load, in words.
+    pub fn total(&self) -> String {
+        format!(
+            "loaded in {:.3} s, {:.3} s of CPU, peak memory {}",
+            self.time.wall_seconds,
+            self.time.cpu_seconds,
+            self.peak_bytes.map_or("unknown".to_owned(), mebibytes),
+        )
+    }
 }
 
 /// A line per mesh.
@@ -103,5 +114,17 @@ pub(super) mod tests {
         );
         assert!(report.peak_bytes.is_some_and(|bytes| bytes > 0));
         assert_eq!(LoadReport::default().to_string(), "");
+        let total = LoadReport {
+            time: Span {
+                wall_seconds: 0.25,
+                cpu_seconds: 0.5,
+            },
+            peak_bytes: Some(3 << 20),
+            ..report
+        };
+        assert_eq!(
+            total.total(),
+            "loaded in 0.250 s, 0.500 s of CPU, peak memory 3.0 MiB"
+        );
     }
 }

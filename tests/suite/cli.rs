@@ -478,7 +478,7 @@ fn plan_is_printed_and_nothing_is_written() {
     let output = succeed(wavepath(&directory).args(["plan", SCENE, "--width=24", "--height=16"]));
     let text = stdout(&output);
     assert!(
-        text.starts_with("hexroom, camera 1, 24 × 16 pixels\n"),
+        text.starts_with("hexroom, camera 1, 24 × 16 pixels\nloaded in "),
         "{text}"
     );
     assert!(text.lines().count() > 1, "{text}");
