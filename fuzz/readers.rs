@@ -4,7 +4,7 @@
 #![allow(dead_code, reason = "each target uses one of them")]
 
 use std::cell::OnceCell;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use tempfile::TempDir;
 use wavepath::compile::compile;

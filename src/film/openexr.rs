@@ -320,6 +320,7 @@ mod tests {
         assert_eq!(text("seed"), u64::MAX.to_string());
         assert_eq!(text("samplesPerPixel"), "4");
         assert_eq!(text("scene"), "größe ? 1");
+        assert_eq!(text("bias"), "clamp 1: 2 samples; none");
 
         let mut single = Film::new(5, 3, false);
         single.add_block(0, 1, [1.0; 3]);

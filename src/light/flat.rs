@@ -125,12 +125,12 @@ fn rectangle<const KINDS: u32>(
 pub(super) fn sample<const KINDS: u32>(
     lights: &LightTable,
     light: U32s,
-    p: Vec3s,
+    at: &Receiver,
     u1: F32s,
     u2: F32s,
 ) -> LightSample {
     let zero = F32s::splat(0.0);
-    let to_corner = lights.get3::<KINDS>(&lights.position, light) - p;
+    let to_corner = lights.get3::<KINDS>(&lights.position, light) - at.p;
     let view = rectangle::<KINDS>(lights, light, to_corner);
     let (mut b1, mut b2) =
         triangle_or_square(lights.get::<KINDS, f32>(&lights.fold, light), u1, u2);
@@ -148,23 +148,26 @@ pub(super) fn sample<const KINDS: u32>(
     let first = b1.ge(b2);
     let density = lights.get::<KINDS, f32>(&lights.density, light);
     let pdf = per_steradian(density, cos, distance);
+    let primitives = lights
+        .primitives
+        .each_ref()
+        .map(|primitive| lights.get::<KINDS, u32>(primitive, light));
     let mut found = LightSample {
         direction,
         distance,
         radiance: lights.get3::<KINDS>(&lights.radiance, light),
         pdf,
         delta: Mask::NONE,
-        primitive: first.select_u32(
-            lights.get::<KINDS, u32>(&lights.primitives[0], light),
-            lights.get::<KINDS, u32>(&lights.primitives[1], light),
-        ),
+        primitive: first.select_u32(primitives[0], primitives[1]),
         valid: cos.gt(zero) | (two_sided & cos.lt(zero)),
     };
     if let Some((are, view)) = view {
         let solid_angle = view.solid_angle();
         found.pdf = are.select(density / solid_angle, pdf);
-        // Seen from its own plane it has none.
-        found.valid = found.valid & (!are | solid_angle.gt(zero));
+        // From its own plane nothing is seen of it; but rounding moves its points to either side, from where
+        // it would fill half of all directions.
+        let own = at.primitive.eq(primitives[0]) | at.primitive.eq(primitives[1]);
+        found.valid = found.valid & (!are | (solid_angle.gt(zero) & !own));
     }
     found
 }

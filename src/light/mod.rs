@@ -359,7 +359,8 @@ pub struct Receiver {
     /// Unit shading normal on the side that light is wanted from; only the background uses it.
     pub n: Vec3s,
     /// The primitive that the point lies on, or [`PrimitiveId::NONE`]: rounding moves a point of an
-    /// emissive sphere to either side of it, but its own sphere can light it from within alone.
+    /// emitter to either side of it, but its own sphere can light it from within alone, and its own rectangle
+    /// not at all.
     pub primitive: U32s,
 }
 
@@ -376,7 +377,7 @@ pub fn sample<const KINDS: u32>(lights: &LightTable, at: &Receiver, u: [F32s; 3]
     };
     let [_, u1, u2] = u;
     match KINDS & kinds::ALL & !kinds::MANY {
-        kinds::FLAT => flat::sample::<KINDS>(lights, light, at.p, u1, u2),
+        kinds::FLAT => flat::sample::<KINDS>(lights, light, at, u1, u2),
         kinds::SPHERE => sphere::sample::<KINDS>(lights, light, at, u1, u2),
         kinds::POINT => point::sample::<KINDS>(lights, light, at.p),
         kinds::BACKGROUND => background::sample::<KINDS>(lights, light, at.n, u1, u2),
@@ -394,7 +395,7 @@ pub fn sample<const KINDS: u32>(lights: &LightTable, at: &Receiver, u: [F32s; 3]
             if flat.any() {
                 found = LightSample::select(
                     flat,
-                    flat::sample::<KINDS>(lights, light, at.p, u1, u2),
+                    flat::sample::<KINDS>(lights, light, at, u1, u2),
                     found,
                 );
             }

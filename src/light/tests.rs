@@ -206,6 +206,26 @@ fn a_rectangle_that_touches_a_surface_gives_it_bounded_samples() {
 }
 
 #[test]
+fn a_rectangle_does_not_light_itself_whatever_side_rounding_put_its_points_on() {
+    let light = FlatLight {
+        two_sided: true,
+        ..parallelogram([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    };
+    let lights = table(&[Light::Flat(light)]);
+    for off in [-1e-7, 0.0, 1e-7] {
+        let open = receiver(splat([0.3, 0.4, off]), splat(UP));
+        for primitive in light.primitives {
+            let own = Receiver {
+                primitive: U32s::splat(primitive),
+                ..open
+            };
+            let s = sample::<{ kinds::FLAT }>(&lights, &own, [F32s::splat(0.6); 3]);
+            assert_eq!(s.valid, Mask::NONE);
+        }
+    }
+}
+
+#[test]
 fn irradiance_from_spheres_is_that_of_the_closed_form() {
     // Distance, radius, cosine of the centre, radiance, irradiance: also cut by the horizon.
     for (d, r, cos, radiance, exact) in [
