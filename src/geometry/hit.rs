@@ -62,7 +62,7 @@ pub fn triangle_point(origin: Vec3s, direction: Vec3s, corners: [Vec3s; 3]) -> S
     triangle_hit(origin, direction, corners).0
 }
 
-/// Barycentric coordinates below this are looked at by [`keep_off_edges`]: one in some thousands of hits.
+/// Barycentric coordinates this near to 0 are looked at by [`keep_off_edges`]: one in some thousands of hits.
 /// Triangles of which this share of the height is less than the error bound are too small for it to help.
 const NEAR_EDGE: f32 = 1e-4;
 
@@ -83,15 +83,17 @@ fn keep_off_edges(weights: [F32s; 3], corners: [Vec3s; 3]) -> [F32s; 3] {
     let (zero, one, third) = (F32s::splat(0.0), F32s::splat(1.0), F32s::splat(1.0 / 3.0));
     let [a, b, c] = corners;
     let double_area = (b - a).cross(c - a).length_squared().sqrt();
-    let largest = [0, 1, 2].map(|corner| corners[corner].abs() * weights[corner].abs());
-    let error = (largest[0] + largest[1] + largest[2]) * F32s::splat(gamma(7));
+    // Not so where the square of the area is below the least f32.
+    let measured = double_area.gt(zero);
+    let terms = [0, 1, 2].map(|corner| corners[corner].abs() * weights[corner].abs());
+    let error = (terms[0] + terms[1] + terms[2]) * F32s::splat(gamma(7));
     let clearance = error.length_squared().sqrt() * F32s::splat(EDGE_CLEARANCE);
     let mut share = zero;
     for (weight, [from, to]) in weights.into_iter().zip([[b, c], [c, a], [a, b]]) {
         let edge = (to - from).length_squared().sqrt();
         let wanted = (clearance * edge / double_area).fast_min(third);
         let missing = (wanted - weight) / (third - weight);
-        share = share.fast_max(weight.lt(wanted).select(missing, zero));
+        share = share.fast_max((measured & weight.lt(wanted)).select(missing, zero));
     }
     let share = share.fast_min(one);
     weights.map(|weight| (third - weight).mul_add(share, weight))
@@ -115,8 +117,12 @@ pub fn triangle_hit(
     let scale = F32s::splat(1.0) / determinant;
     let mut weights = [u, v, w].map(|e| proper.select(e * scale, third));
     let least = weights[0].fast_min(weights[1]).fast_min(weights[2]);
-    if least.lt(F32s::splat(NEAR_EDGE)).any() {
-        weights = keep_off_edges(weights, corners);
+    // Lanes that hold no hit of a triangle are seldom near an edge of one.
+    let near = least.abs().lt(F32s::splat(NEAR_EDGE));
+    if near.any() {
+        // No lane's point may depend on its neighbours in the vector.
+        let kept = keep_off_edges(weights, corners);
+        weights = [0, 1, 2].map(|corner| near.select(kept[corner], weights[corner]));
     }
 
     let [a, b, c] = [0, 1, 2].map(|corner| corners[corner] * weights[corner]);
