@@ -55,48 +55,10 @@ impl RayFrame {
 /// coordinates; the ray is known to hit. The error bound is γ(7)·Σ|bᵢ·pᵢ|, off the plane of the triangle.
 ///
 /// The coordinates are not clamped: where the ray meets the plane outside of the triangle, so is the point.
-/// Where the triangle is seen exactly from its edge, the answer is its centroid. Within a few error bounds of
-/// an edge the point is moved away from it, see [`keep_off_edges`].
+/// Where the triangle is seen exactly from its edge, the answer is its centroid.
 #[inline(always)]
 pub fn triangle_point(origin: Vec3s, direction: Vec3s, corners: [Vec3s; 3]) -> SurfacePoint {
     triangle_hit(origin, direction, corners).0
-}
-
-/// Barycentric coordinates this near to 0 are looked at by [`keep_off_edges`]: one in some thousands of hits.
-/// Triangles of which this share of the height is less than the error bound are too small for it to help.
-const NEAR_EDGE: f32 = 1e-4;
-
-/// Distance from an edge, in error bounds, that points are kept at.
-///
-/// A wall that meets the triangle's edge at the angle θ has the origin of a ray that leaves the point on its
-/// right side if that distance is at least (9/7 + cos θ)/sin θ: one bound for the error of the point and 2/7
-/// for the last step to the next float, and one for the offset, which leads towards the wall where θ is
-/// acute. At 90° that is 1.3; 4 is enough down to 33°.
-const EDGE_CLEARANCE: f32 = 4.0;
-
-/// The weights of points near an edge, moved towards the centroid until the points are [`EDGE_CLEARANCE`] error
-/// bounds away from it. Else rounding would put one point in some ten millions beyond the wall that meets
-/// the edge, and the next ray would leave a closed room.
-#[cold]
-#[inline(never)]
-fn keep_off_edges(weights: [F32s; 3], corners: [Vec3s; 3]) -> [F32s; 3] {
-    let (zero, one, third) = (F32s::splat(0.0), F32s::splat(1.0), F32s::splat(1.0 / 3.0));
-    let [a, b, c] = corners;
-    let double_area = (b - a).cross(c - a).length_squared().sqrt();
-    // Not so where the square of the area is below the least f32.
-    let measured = double_area.gt(zero);
-    let terms = [0, 1, 2].map(|corner| corners[corner].abs() * weights[corner].abs());
-    let error = (terms[0] + terms[1] + terms[2]) * F32s::splat(gamma(7));
-    let clearance = error.length_squared().sqrt() * F32s::splat(EDGE_CLEARANCE);
-    let mut share = zero;
-    for (weight, [from, to]) in weights.into_iter().zip([[b, c], [c, a], [a, b]]) {
-        let edge = (to - from).length_squared().sqrt();
-        let wanted = (clearance * edge / double_area).fast_min(third);
-        let missing = (wanted - weight) / (third - weight);
-        share = share.fast_max((measured & weight.lt(wanted)).select(missing, zero));
-    }
-    let share = share.fast_min(one);
-    weights.map(|weight| (third - weight).mul_add(share, weight))
 }
 
 /// [`triangle_point`] with its barycentric coordinates, which add up to 1 but for rounding.
@@ -115,15 +77,7 @@ pub fn triangle_hit(
     let third = F32s::splat(1.0 / 3.0);
     let proper = Compare::ne(determinant, F32s::splat(0.0));
     let scale = F32s::splat(1.0) / determinant;
-    let mut weights = [u, v, w].map(|e| proper.select(e * scale, third));
-    let least = weights[0].fast_min(weights[1]).fast_min(weights[2]);
-    // Lanes that hold no hit of a triangle are seldom near an edge of one.
-    let near = least.abs().lt(F32s::splat(NEAR_EDGE));
-    if near.any() {
-        // No lane's point may depend on its neighbours in the vector.
-        let kept = keep_off_edges(weights, corners);
-        weights = [0, 1, 2].map(|corner| near.select(kept[corner], weights[corner]));
-    }
+    let weights = [u, v, w].map(|e| proper.select(e * scale, third));
 
     let [a, b, c] = [0, 1, 2].map(|corner| corners[corner] * weights[corner]);
     let sum = a.abs() + b.abs() + c.abs();
@@ -289,77 +243,6 @@ mod tests {
                         "{off_ray} off the ray"
                     );
                 }
-            }
-        }
-    }
-
-    #[test]
-    fn rays_that_leave_near_an_edge_start_on_the_right_side_of_the_wall_that_meets_it() {
-        let mut rng = Rng(22);
-        for round in 0..400_000 / LANES {
-            let scale = [1e-3f32, 1.0, 1e3][round % 3];
-            // A corner, an edge, and a direction into each of two walls at 90° along the edge.
-            let mut skew = || {
-                let [x, y] = [rng.sphere(), rng.sphere()].map(|v| v.map(f64::from));
-                let unit = |v: [f64; 3]| v.map(|k| k / dot(v, v).sqrt());
-                let x = unit(x);
-                let along = dot(x, y);
-                let y = unit([0, 1, 2].map(|k| y[k] - along * x[k]));
-                let z = [
-                    x[1] * y[2] - x[2] * y[1],
-                    x[2] * y[0] - x[0] * y[2],
-                    x[0] * y[1] - x[1] * y[0],
-                ];
-                [x, y, z]
-            };
-            let frames = [(); LANES].map(|()| skew());
-            let corner = [(); LANES].map(|()| rng.sphere());
-            let at = |lane: usize, x: f64, y: f64, z: f64| -> [f32; 3] {
-                let [ex, ey, ez] = frames[lane];
-                [0, 1, 2].map(|k| {
-                    let p = f64::from(corner[lane][k]) + x * ex[k] + y * ey[k] + z * ez[k];
-                    (p * f64::from(scale)) as f32
-                })
-            };
-            let lanes = |place: &dyn Fn(usize) -> [f32; 3]| {
-                column(&std::array::from_fn::<_, LANES, _>(place))
-            };
-            let corners = [
-                lanes(&|lane| at(lane, 0.0, 0.0, 0.0)),
-                lanes(&|lane| at(lane, 1.0, 0.0, 0.0)),
-                lanes(&|lane| at(lane, 0.0, 1.0, 0.0)),
-            ];
-            // Hits of the first wall, z = 0, at up to 10⁻⁶ from the second, y = 0.
-            let targets = [(); LANES].map(|()| (rng.uniform(), rng.uniform() * 1e-6));
-            let place = |lane: usize| {
-                let (x, y) = targets[lane];
-                at(lane, 0.1 + 0.8 * f64::from(x), f64::from(y), 0.0)
-            };
-            let eyes = [(); LANES].map(|()| (rng.uniform(), rng.uniform()));
-            let eye = |lane: usize| {
-                let (x, y) = eyes[lane];
-                at(lane, f64::from(x), 0.2 + f64::from(y), 0.7)
-            };
-            let origin = lanes(&eye);
-            let direction = (lanes(&place) - origin).normalize();
-            let (point, weights) = triangle_hit(origin, direction, corners);
-            let normal = lanes(&|lane| frames[lane][2].map(|k| k as f32));
-            let spawned = spawn_origin(&point, normal, normal);
-            for i in 0..LANES {
-                // The second wall through the same rounded corners.
-                let [a, b] = [lane(corners[0], i), lane(corners[1], i)].map(|p| p.map(f64::from));
-                let edge = [0, 1, 2].map(|k| b[k] - a[k]);
-                let up = frames[i][2];
-                let inward = [
-                    up[1] * edge[2] - up[2] * edge[1],
-                    up[2] * edge[0] - up[0] * edge[2],
-                    up[0] * edge[1] - up[1] * edge[0],
-                ];
-                let p = lane(spawned, i).map(f64::from);
-                let from_edge = [0, 1, 2].map(|k| p[k] - a[k]);
-                assert!(dot(inward, from_edge) > 0.0, "{from_edge:?}");
-                let sum: f32 = weights.iter().map(|w| w.to_array()[i]).sum();
-                assert!((sum - 1.0).abs() < 1e-6);
             }
         }
     }

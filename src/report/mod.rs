@@ -93,8 +93,10 @@ pub struct ResultReport {
     /// Contributions that were not finite or negative and were left out; 0 in a healthy render.
     pub rejected: u64,
     /// The same by stage.
+    #[serde(default)]
     pub rejected_by_stage: Rejections,
     /// Camera samples that were darkened to the clamp.
+    #[serde(default)]
     pub clamped: u64,
     /// Paths cut at the depth limit while still carrying weight.
     pub truncated: u64,
