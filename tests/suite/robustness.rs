@@ -105,7 +105,8 @@ fn a_bias_too_small_shades_a_surface_by_itself_and_the_error_bound_does_not() {
         let [(mean, _), ..] = image_mean(&outcome);
         assert!(mean < 0.59, "{mean}: no acne");
         let told = bias(&none, &outcome.stats);
-        assert!(told[0].starts_with("shadow bias 0: "), "{told:?}");
+        let is_told = told.iter().any(|line| line.starts_with("shadow bias 0: "));
+        assert!(is_told, "{told:?}");
     }
 }
 
