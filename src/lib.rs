@@ -159,8 +159,8 @@
 //! - The path integrator is unidirectional. Light that comes to a diffuse surface by way of glass or
 //!   a mirror is found only by directions sampled there: it is noisy where the light is small, and
 //!   missing where the light is a point.
-//! - Whitted's integrator and transparent shadows are biased by design, a depth limit too; reports
-//!   say so.
+//! - Whitted's integrator and transparent shadows are biased by design, a depth limit, a clamp and a fixed
+//!   shadow bias too; reports say so.
 //! - Oren and Nayar's qualitative model reflects up to 1.5 % more than its facets' reflectance for
 //!   σ below 0.33 rad at grazing angles; that is the model, and it is not corrected.
 //! - Positions have f32 precision relative to the size of the whole scene. Detail below about 10⁻⁶ of
@@ -193,6 +193,9 @@
 //! - P. Shirley, C. Wang, K. Zimmerman, "Monte Carlo Techniques for Direct Lighting Calculations",
 //!   ACM TOG 15(1), 1996. M. D. Vose, "A Linear Algorithm for Generating Random Numbers with a Given
 //!   Distribution", IEEE TSE 17(9), 1991.
+//! - C. Ureña, M. Fajardo, A. King, "An Area-Preserving Parametrization for Spherical Rectangles",
+//!   Computer Graphics Forum 32(4), 2013. A. Van Oosterom, J. Strackee, "The Solid Angle of a Plane
+//!   Triangle", IEEE TBME 30(2), 1983.
 //! - M. Oren, S. K. Nayar, "Generalization of Lambert's Reflectance Model", SIGGRAPH 1994. C.
 //!   Schlick, "An Inexpensive BRDF Model for Physically-based Rendering", Computer Graphics Forum
 //!   13(3), 1994. E. Lafortune, Y. Willems, "Using the Modified Phong Reflectance Model for

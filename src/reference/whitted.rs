@@ -50,11 +50,13 @@ impl Reference {
         while path.throughput != DVec3::ZERO && path.depth <= self.max_depth {
             let direction = path.ray.direction;
             let Some(hit) = self.trace(&path.ray, path.depth, counts) else {
-                return radiance + path.throughput * self.background;
+                let found = path.throughput * self.background;
+                return radiance + Self::keep_sound(found, &mut counts.rejected.emission);
             };
             let surface = &self.surfaces[hit.primitive];
             if let Some(emission) = &surface.emission {
-                radiance += path.throughput * emitted(emission, hit.normal, direction);
+                let found = path.throughput * emitted(emission, hit.normal, direction);
+                radiance += Self::keep_sound(found, &mut counts.rejected.emission);
             }
             if surface.bsdf.is_none() && surface.is_opaque() {
                 return radiance;

@@ -196,6 +196,11 @@ fn settings_bring_their_features_and_no_more() {
         ..base.clone()
     };
     assert_eq!(features(aux), with(&["auxiliary images"]));
+    let biased = RenderSettings {
+        shadow_bias: Some(1e-3),
+        ..base.clone()
+    };
+    assert_eq!(features(biased), with(&["shadow bias"]));
     // Emission alone needs no material, and direction sampling no shadow ray to be transparent.
     assert_eq!(
         features(path(Strategy::Mis, 1)),

@@ -13,12 +13,15 @@ mod extremes;
 mod features;
 mod furnace;
 mod hits;
+mod hostile;
 #[path = "../../benches/support/mesh_scenes.rs"]
 mod mesh_scenes;
 mod meshes;
 mod oracles;
+mod random_scenes;
 mod reference;
 mod renderer;
+mod robustness;
 mod support;
 mod triangle_oracle;
 mod watertight;

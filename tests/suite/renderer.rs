@@ -104,6 +104,7 @@ impl Renderer {
                     bounce: outcome.stats.bounce_rays,
                     shadow: outcome.stats.shadow_rays,
                     truncated: outcome.stats.truncated,
+                    rejected: outcome.stats.rejected_by_stage,
                 };
                 (estimate(&outcome.film), counts)
             }
