@@ -87,6 +87,15 @@ pub(super) struct SceneArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) roulette_depth: Option<u32>,
 
+    /// Light samples per hit, each with a shadow ray, 1 to 64 [default: the scene's, else 1]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) light_samples: Option<u32>,
+
+    /// How often a path that has met only mirrors and glass follows both what glass reflects and what it
+    /// refracts, 0 to 8 [default: the scene's, else 0]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) glass_splits: Option<u32>,
+
     /// Let shadow rays pass straight through glass, weighted by its transmittance (biased)
     #[arg(long)]
     pub(super) transparent_shadows: bool,
@@ -124,6 +133,11 @@ pub(super) struct RenderArgs {
 
     #[command(flatten)]
     pub(super) budget: BudgetArgs,
+
+    /// Give tiles with a larger estimated error more samples; the mean number of samples, the time or the
+    /// error of the image is what was asked for
+    #[arg(long)]
+    pub(super) adaptive: bool,
 
     /// Worker threads (same image) [default: all cores]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
@@ -318,6 +332,8 @@ mod tests {
             format!("[default: {}]", settings.wave),
             format!("[default: {}]", settings.block),
             format!("else {}]", settings.roulette_depth),
+            format!("64 [default: the scene's, else {}]", settings.light_samples),
+            format!("8 [default: the scene's, else {}]", settings.glass_splits),
             "else 64]".to_owned(),
         ] {
             assert!(help.contains(&default), "{default} is not in\n{help}");

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::film::{ImageFormat, check_memory, check_writable};
 use crate::report::{LoadReport, Stopwatch};
-use crate::scene::{self, Budget, RenderSettings, SceneDescription};
+use crate::scene::{
+    self, Budget, MOST_GLASS_SPLITS, MOST_LIGHT_SAMPLES, RenderSettings, SceneDescription,
+};
 
 use super::args::{BudgetArgs, RenderArgs, SceneArgs};
 
@@ -74,6 +76,8 @@ impl SceneJob {
             block: args.block.unwrap_or(defaults.block),
             max_depth: args.max_depth.or(defaults.max_depth),
             roulette_depth: args.roulette_depth.unwrap_or(defaults.roulette_depth),
+            light_samples: args.light_samples.unwrap_or(defaults.light_samples),
+            glass_splits: args.glass_splits.unwrap_or(defaults.glass_splits),
             transparent_shadows: args.transparent_shadows || defaults.transparent_shadows,
             aux: args.aux,
             force_features: args.force_features,
@@ -132,6 +136,7 @@ impl RenderJob {
         let mut scene_job = SceneJob::new(&args.scene)?;
         let settings = &mut scene_job.settings;
         settings.budget = budget.unwrap_or(settings.budget);
+        settings.adaptive |= args.adaptive;
         settings.threads = args.threads.unwrap_or(settings.threads);
         settings.seed = args.seed.unwrap_or(settings.seed);
         Self {
@@ -170,6 +175,8 @@ fn check_scene_args(args: &SceneArgs) -> Result<()> {
     check_range("--width", args.width, 1, MAX_SIDE)?;
     check_range("--height", args.height, 1, MAX_SIDE)?;
     check_range("--max-depth", args.max_depth, 1, u32::MAX)?;
+    check_range("--light-samples", args.light_samples, 1, MOST_LIGHT_SAMPLES)?;
+    check_range("--glass-splits", args.glass_splits, 0, MOST_GLASS_SPLITS)?;
     check_range("--wave", args.wave, 1, MAX_WAVE)?;
     check_range("--block", args.block, 1, MAX_BLOCK)
 }

@@ -54,6 +54,12 @@ impl Features {
     pub const TEXTURES: Self = Self(1 << 23);
     /// Surfaces that let part of the light go straight on.
     pub const OPACITY: Self = Self(1 << 24);
+    /// Owen-scrambled Sobol points.
+    pub const SOBOL: Self = Self(1 << 25);
+    /// More than one light sample per hit.
+    pub const LIGHT_SAMPLES: Self = Self(1 << 26);
+    /// Path tracing follows both branches at glass.
+    pub const GLASS_SPLITS: Self = Self(1 << 27);
 
     /// What a scene can have, as opposed to what settings ask for.
     pub const SCENE: Self = Self(kinds::ALL)
@@ -69,7 +75,7 @@ impl Features {
         .with(Self::TEXTURES)
         .with(Self::OPACITY);
 
-    const NAMES: [(Self, &'static str); 22] = [
+    const NAMES: [(Self, &'static str); 25] = [
         (Self::TRIANGLES, "triangles"),
         (Self::SPHERES, "spheres"),
         (Self::LAMBERTIAN, "Lambertian surfaces"),
@@ -89,6 +95,9 @@ impl Features {
         (Self::SHADOW_RAYS, "shadow rays"),
         (Self::MIS, "multiple importance sampling"),
         (Self::STRATIFIED, "stratified sampling"),
+        (Self::SOBOL, "Sobol sampling"),
+        (Self::LIGHT_SAMPLES, "several light samples"),
+        (Self::GLASS_SPLITS, "splitting at glass"),
         (Self::WHITTED, "Whitted's transport"),
         (Self::TRANSPARENT_SHADOWS, "transparent shadows"),
         (Self::AUX, "auxiliary images"),

@@ -275,7 +275,13 @@ impl<'a> Worker<'a> {
                 let pixels = (TILE * TILE) as usize;
                 let item_paths = pixels * largest_block as usize;
                 Tracer::Wavefront {
-                    wave: Box::new(Wave::new(settings.wave, scene.features, item_paths, pixels)),
+                    wave: Box::new(Wave::new(
+                        settings.wave,
+                        scene.features,
+                        scene.branching,
+                        item_paths,
+                        pixels,
+                    )),
                     kernels: Kernels::choose(scene.features, settings.force_features),
                 }
             }
@@ -418,7 +424,7 @@ fn summarise(
             .map_or(0, |last| last + 1);
         depths.truncate(used);
         stats.depths = depths;
-        stats.bytes_per_path = Wave::bytes_per_path(scene.features);
+        stats.bytes_per_path = Wave::bytes_per_path(scene.features, scene.branching);
         // Wall time per step, scaled to the CPU time of the workers: the machine may be shared.
         let measured: f64 = clock
             .time

@@ -14,6 +14,8 @@
 //!   there were none, and counts a segment. Emission is not reduced. Shadow rays are blocked by what
 //!   is not fully opaque, which is why light found straight on counts in full.
 //! - Radiance that crosses into glass is scaled by the squared ratio of the refraction indices.
+//! - Until it meets anything but mirrors and glass, a path may split at glass as often as is set. Of several
+//!   light samples at a hit the mean counts.
 //! - Russian roulette ends paths from a chosen depth on, whatever scatters.
 //! - With transparent shadows a shadow ray goes straight through glass and loses at each crossing
 //!   what would be reflected there. Light found by refraction alone after a surface that sampled
@@ -70,6 +72,8 @@ pub struct Reference {
     seed: u64,
     max_depth: u32,
     roulette_depth: u32,
+    light_samples: u32,
+    glass_splits: u32,
     transparent_shadows: bool,
 }
 
@@ -132,6 +136,8 @@ impl Reference {
             seed: settings.seed,
             max_depth: settings.max_depth.unwrap_or(u32::MAX),
             roulette_depth: settings.roulette_depth,
+            light_samples: settings.light_samples,
+            glass_splits: settings.glass_splits,
             transparent_shadows: settings.transparent_shadows,
         })
     }

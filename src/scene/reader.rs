@@ -12,7 +12,7 @@ use super::description::{
 };
 use super::document::{Fields, Node};
 use super::library::Library;
-use super::settings::RenderDefaults;
+use super::settings::{MOST_GLASS_SPLITS, MOST_LIGHT_SAMPLES, RenderDefaults};
 use super::{cameras, materials, shapes, values};
 use crate::error::Result;
 
@@ -169,6 +169,18 @@ fn read_render(node: &Node) -> Result<RenderDefaults> {
                 .node
                 .spot
                 .error(format!("`{}` must be > 0, got 0", entry.key)));
+        }
+        for (given, range) in [
+            (defaults.light_samples, 1..=MOST_LIGHT_SAMPLES),
+            (defaults.glass_splits, 0..=MOST_GLASS_SPLITS),
+        ] {
+            if let Some(number) = given.filter(|number| !range.contains(number)) {
+                let (least, most) = range.into_inner();
+                return Err(entry.node.spot.error(format!(
+                    "`{}` must be between {least} and {most}, got {number}",
+                    entry.key
+                )));
+            }
         }
         settings.insert(entry.key.clone(), value.clone());
     }
