@@ -166,7 +166,8 @@ impl RenderJob {
         let SceneJob {
             scene, settings, ..
         } = &self.scene_job;
-        check_memory(scene.film.width, scene.film.height, settings.aux)?;
+        let halves = if settings.adaptive { 2 } else { 1 };
+        check_memory(scene.film.width, scene.film.height, settings.aux, halves)?;
         Ok(self)
     }
 }

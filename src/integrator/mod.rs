@@ -1,9 +1,10 @@
 //! Renders: hands out work items to workers, round by round, until the budget is used.
 //!
-//! A round is one block of samples for every tile. Within a round each tile belongs to one work
-//! item, and rounds follow one another, so each pixel's blocks are added in order, whatever the
-//! number of threads: the film is bit-identical.
+//! A round is one block of samples for every tile, or for those that an adaptive render chooses. Within
+//! a round each tile belongs to one work item (in each half of the film), and rounds follow one another, so
+//! each pixel's blocks are added in order, whatever the number of threads: the film is bit-identical.
 
+pub mod adaptive;
 pub mod clock;
 pub mod plan;
 pub mod schedule;
@@ -27,7 +28,7 @@ use crate::stage::Kernels;
 use crate::wave::{COUNTED_DEPTHS, Wave};
 
 use clock::{StageClock, Step, thread_cpu_seconds};
-use schedule::{Blocks, Tiles};
+use schedule::{Schedule, Tiles};
 use stats::{DepthStats, EndReason, Progress, RenderStats, StageStats};
 use wavefront::Passes;
 
@@ -54,7 +55,8 @@ pub type Observer<'a> = dyn Fn(&Progress) -> ControlFlow<()> + Sync + 'a;
 /// Renders `compiled`, made of `scene`, until the budget of `settings` is used or the observer breaks.
 ///
 /// # Errors
-/// If the film does not fit into memory, or threads cannot be started.
+/// If the film does not fit into memory, threads cannot be started, or an adaptive render is to have too few
+/// samples.
 pub fn render(
     scene: &SceneDescription,
     compiled: &CompiledScene,
@@ -72,10 +74,15 @@ pub fn render(
             ))
         })?;
     let (width, height) = (compiled.width, compiled.height);
-    let blocks = Blocks::new(settings);
-    let tiles = Tiles::new(width, height);
-    check_memory(width, height, settings.aux)?;
-    let film = Film::new(width, height, settings.aux);
+    let mut schedule = Schedule::new(settings, Tiles::new(width, height))?;
+    let film = if settings.adaptive {
+        check_memory(width, height, settings.aux, 2)?;
+        Film::halved(width, height, settings.aux)
+    } else {
+        check_memory(width, height, settings.aux, 1)?;
+        Film::new(width, height, settings.aux)
+    };
+    let pixels = film.len() as u64;
     let reference = match settings.integrator {
         IntegratorKind::Reference => Some(Reference::new(
             scene,
@@ -92,7 +99,7 @@ pub fn render(
                 compiled,
                 settings,
                 reference.as_ref(),
-                blocks.largest(),
+                schedule.largest_block(),
             ))
         })
         .collect();
@@ -105,58 +112,49 @@ pub fn render(
         interrupted: AtomicBool::new(false),
         rays: AtomicU64::new(0),
     };
-    let mut state = RoundState {
-        block: 0,
-        error: None,
-        seconds: 0.0,
-    };
+    let mut state = RoundState::default();
     let ended = loop {
-        let Some(samples) = blocks.get(state.block) else {
+        let items = schedule.round();
+        if items.is_empty() {
             break EndReason::Samples;
-        };
-        let next_tile = AtomicUsize::new(0);
+        }
+        state.round_paths = items.iter().map(|item| u64::from(item.paths())).sum();
+        if let Budget::Seconds(seconds) = settings.budget
+            && state.seconds + state.expected_seconds() > seconds
+        {
+            break EndReason::Seconds;
+        }
+        let next_item = AtomicUsize::new(0);
         pool.broadcast(|context| {
             let mut worker = workers[context.index()]
                 .lock()
                 .expect("a worker's lock is its own");
             worker.timed(|worker| {
                 while !shared.interrupted.load(Ordering::Relaxed) {
-                    let tile = next_tile.fetch_add(1, Ordering::Relaxed);
-                    if tile >= tiles.count() {
+                    let index = next_item.fetch_add(1, Ordering::Relaxed);
+                    let Some(item) = items.get(index) else {
                         break;
-                    }
-                    let item = tiles.item(tile, state.block, samples);
-                    let rays = worker.render_item(compiled, &item, &shared.film);
+                    };
+                    let rays = worker.render_item(compiled, item, &shared.film);
                     shared.rays.fetch_add(rays, Ordering::Relaxed);
                     shared.observe(start, || {
-                        let done = (tile + 1) as f64 / tiles.count() as f64;
-                        progress(settings, &state, samples, done, start)
+                        let done = (index + 1) as f64 / items.len() as f64;
+                        progress(settings, &state, pixels, done, start)
                     });
                 }
             });
         });
-        let round_seconds = start.elapsed().as_secs_f64() - state.seconds;
-        state.seconds += round_seconds;
-        state.block += 1;
         if shared.interrupted.load(Ordering::Relaxed) {
             break EndReason::Interrupted;
         }
         let film = lock(&shared.film);
-        state.error = film.relative_error();
-        match settings.budget {
-            Budget::Samples(_) => {}
-            Budget::Seconds(seconds) => {
-                // Not begun if it would overrun: a round takes as long per sample as the last.
-                let per_sample = round_seconds / f64::from(samples.1);
-                let next = blocks
-                    .get(state.block)
-                    .map_or(0.0, |(_, n)| f64::from(n) * per_sample);
-                if state.seconds + next > seconds {
-                    break EndReason::Seconds;
-                }
-            }
-            Budget::Error(goal) => {
-                let known = state.error.filter(|_| state.block >= BLOCKS_BEFORE_ERROR);
+        schedule.finished(&items, &film);
+        state.complete_round(start.elapsed().as_secs_f64());
+        if state.paths - state.estimated_at >= pixels {
+            state.estimated_at = state.paths;
+            state.error = film.relative_error();
+            if let Budget::Error(goal) = settings.budget {
+                let known = state.error.filter(|_| state.rounds >= BLOCKS_BEFORE_ERROR);
                 if known.is_some_and(|error| error <= goal) {
                     break EndReason::Error;
                 }
@@ -174,14 +172,38 @@ pub fn render(
 }
 
 /// Where the rounds stand.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct RoundState {
-    /// Rounds completed, and the block of the running one.
-    block: u64,
-    /// Error estimate after the last complete round.
+    /// Rounds completed.
+    rounds: u64,
+    /// Paths of the completed rounds.
+    paths: u64,
+    /// Paths of the running round.
+    round_paths: u64,
+    /// The latest error estimate, one for each sample per pixel or round, whichever is longer.
     error: Option<f64>,
+    /// Paths completed at that estimate.
+    estimated_at: u64,
     /// Wall seconds at the end of the last complete round.
     seconds: f64,
+    /// Wall seconds per path of that round.
+    seconds_per_path: f64,
+}
+
+impl RoundState {
+    /// Wall seconds that the running round takes, if a path takes as long as in the last one; 0 before there
+    /// was one. A round is not begun if it would overrun.
+    fn expected_seconds(&self) -> f64 {
+        self.round_paths as f64 * self.seconds_per_path
+    }
+
+    /// The running round is complete, `seconds` after the start.
+    fn complete_round(&mut self, seconds: f64) {
+        self.seconds_per_path = (seconds - self.seconds) / self.round_paths as f64;
+        self.seconds = seconds;
+        self.rounds += 1;
+        self.paths += self.round_paths;
+    }
 }
 
 /// What the workers share while a round runs.
@@ -216,14 +238,15 @@ impl Shared<'_> {
 fn progress(
     settings: &RenderSettings,
     state: &RoundState,
-    (first, samples): (u64, u32),
+    pixels: u64,
     round_done: f64,
     start: Instant,
 ) -> Progress {
     let seconds = start.elapsed().as_secs_f64();
-    let done = first as f64 + round_done * f64::from(samples);
+    let paths = state.paths as f64 + round_done * state.round_paths as f64;
+    let done = paths / pixels as f64;
     let fraction = match settings.budget {
-        Budget::Samples(total) => done / total as f64,
+        Budget::Samples(total) => (done / total as f64).min(1.0),
         Budget::Seconds(total) => (seconds / total).min(1.0),
         // Error falls as the root of time: the share of the work done is the square of the ratio.
         Budget::Error(goal) => state
@@ -322,7 +345,9 @@ impl<'a> Worker<'a> {
                     let (x, y) = (item.x + pixel % item.width, item.y + pixel / item.width);
                     let samples = item.first_sample..item.first_sample + u64::from(item.samples);
                     let sum: DVec3 = samples.map(|s| reference.sample(x, y, s, counts)).sum();
-                    lock(film).add_block(index, item.samples, sum.to_array());
+                    lock(film)
+                        .half_mut(item.half())
+                        .add_block(index, item.samples, sum.to_array());
                 }
             }
         }
@@ -348,6 +373,7 @@ fn lock(film: &Mutex<Film>) -> std::sync::MutexGuard<'_, Film> {
 /// Sums the radiance of each pixel's samples, in order, into the film.
 fn develop(item: &WorkItem, wave: &Wave, film: &Mutex<Film>) {
     let mut film = lock(film);
+    let film = film.half_mut(item.half());
     for (pixel, samples) in wave.radiance[..item.paths() as usize]
         .chunks_exact(item.samples as usize)
         .enumerate()

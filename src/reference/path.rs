@@ -142,8 +142,7 @@ impl Reference {
                                 splits -= 1;
                                 let reflected = split.reflected.with_share(split.reflectance);
                                 let throughput = throughput * reflected.weight;
-                                let survival =
-                                    self.roulette(throughput, eta_scale, depth, random);
+                                let survival = self.roulette(throughput, eta_scale, depth, random);
                                 if survival > 0.0 && appearance.same_side(reflected.direction) {
                                     branches.push(Path {
                                         ray: self.spawn(&hit, reflected.direction),

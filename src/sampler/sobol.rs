@@ -274,17 +274,25 @@ mod tests {
         // Sums over many sequences of products of centred numbers that have one thing different. The
         // standard error of each sum is √n/12.
         let n = 1 << 16;
-        let base = |pixel, dimension| {
-            Sobol::new(1, pixel, 0, U32s::splat(3)).pair(U32s::splat(dimension))
-        };
+        let base =
+            |pixel, dimension| Sobol::new(1, pixel, 0, U32s::splat(3)).pair(U32s::splat(dimension));
         let one = U32s::splat(1);
         let others: [(&str, Box<dyn Fn(U32s) -> F32s>); 6] = [
             ("pixel", Box::new(|p| base(p + one, 2)[0])),
             ("other half", Box::new(|p| base(p, 2)[1])),
             ("pair", Box::new(|p| base(p, 4)[0])),
-            ("single", Box::new(|p| Sobol::new(1, p, 0, U32s::splat(3)).one(U32s::splat(9)))),
-            ("seed", Box::new(|p| Sobol::new(2, p, 0, U32s::splat(3)).one(U32s::splat(2)))),
-            ("half", Box::new(|p| Sobol::new(1, p, 1 << 63, U32s::splat(3)).one(U32s::splat(2)))),
+            (
+                "single",
+                Box::new(|p| Sobol::new(1, p, 0, U32s::splat(3)).one(U32s::splat(9))),
+            ),
+            (
+                "seed",
+                Box::new(|p| Sobol::new(2, p, 0, U32s::splat(3)).one(U32s::splat(2))),
+            ),
+            (
+                "half",
+                Box::new(|p| Sobol::new(1, p, 1 << 63, U32s::splat(3)).one(U32s::splat(2))),
+            ),
         ];
         for (name, other) in others {
             let mut sum = 0.0;
@@ -292,7 +300,9 @@ mod tests {
                 let pixel = U32s::splat(2 * pixel * LANES as u32) + iota() * U32s::splat(2);
                 let [a, b] = [base(pixel, 2)[0], other(pixel)].map(F32s::to_array);
                 let centred = |u: f32| f64::from(u) - 0.5;
-                sum += (0..LANES).map(|i| centred(a[i]) * centred(b[i])).sum::<f64>();
+                sum += (0..LANES)
+                    .map(|i| centred(a[i]) * centred(b[i]))
+                    .sum::<f64>();
             }
             let z = sum * 12.0 / f64::from(n).sqrt();
             assert!(z.abs() < 4.5, "{name}: z = {z}");
@@ -412,7 +422,10 @@ mod tests {
         let (_, f, exact) = INTEGRANDS[0];
         let [few, many] = [32, 256].map(|count| {
             let means = means(f, count, 1000);
-            means.iter().map(|[mean, _]| (mean - exact).powi(2)).sum::<f64>()
+            means
+                .iter()
+                .map(|[mean, _]| (mean - exact).powi(2))
+                .sum::<f64>()
         });
         assert!(many < few * 8f64.powf(-2.5), "{few:e}, then {many:e}");
     }

@@ -19,6 +19,7 @@ mod meshes;
 mod oracles;
 mod reference;
 mod renderer;
+mod sampling;
 mod support;
 mod triangle_oracle;
 mod watertight;
