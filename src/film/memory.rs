@@ -82,6 +82,6 @@ mod tests {
 
     #[test]
     fn sizes_do_not_overflow() {
-        assert!(check_against(u32::MAX, 65_535, true, 2, u64::MAX >> 8).is_ok());
+        assert!(check_against(u32::MAX, 65_535, true, 2, u64::MAX >> 7).is_ok());
     }
 }

