@@ -65,8 +65,8 @@ impl Numbers {
         }
     }
 
-    /// Those of the hit that ends segment `depth` of the paths: dimensions count from the camera's through
-    /// those of the earlier hits.
+    /// Those of the hits of rays with these packed states: dimensions count from the camera's through those
+    /// of the earlier hits. The branches of a split path have the same points, and generators of their own.
     #[inline(always)]
     pub(super) fn of_hit<const F: u32>(
         scene: &CompiledScene,

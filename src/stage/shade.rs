@@ -242,12 +242,18 @@ fn sample_lights<M: Material, const F: u32>(
     params: &M::Params,
     wave: &mut Wave,
 ) {
-    if !scene.on::<F>(Features::LIGHT_SAMPLES) {
-        return sample_light::<M, F>(scene, hits, numbers, params, wave);
-    }
-    let count = scene.branching.light_samples;
+    let several = scene.on::<F>(Features::LIGHT_SAMPLES);
+    let count = if several {
+        scene.branching.light_samples
+    } else {
+        1
+    };
     for i in 0..count {
-        let numbers = numbers.of_light_sample(count, i);
+        let numbers = if several {
+            numbers.of_light_sample(count, i)
+        } else {
+            *numbers
+        };
         sample_light::<M, F>(scene, hits, &numbers, params, wave);
     }
 }
