@@ -6,7 +6,8 @@ use crate::error::{Error, Result};
 use crate::film::{ImageFormat, check_memory, check_writable};
 use crate::report::{LoadReport, Stopwatch};
 use crate::scene::{
-    self, Budget, MOST_GLASS_SPLITS, MOST_LIGHT_SAMPLES, RenderSettings, SceneDescription,
+    self, Budget, MAX_BLOCK, MAX_WAVE, MOST_GLASS_SPLITS, MOST_LIGHT_SAMPLES, RenderSettings,
+    SceneDescription,
 };
 
 use super::args::{BudgetArgs, RenderArgs, SceneArgs};
@@ -20,14 +21,8 @@ const BUILT_IN_TEXT: &str = include_str!("../../scenes/hexroom.toml");
 /// Most pixels across or down, as for scene files.
 const MAX_SIDE: u32 = 65_535;
 
-/// Most samples per block: the film sums a block in f32 before it adds it in f64.
-const MAX_BLOCK: u32 = 64;
-
 /// Most worker threads. Beyond any machine; it stops a slip of the keyboard from exhausting one.
 pub(super) const MAX_THREADS: usize = 4096;
-
-/// Most paths in flight per thread: a few GiB of queues.
-pub(super) const MAX_WAVE: usize = 1 << 24;
 
 /// A loaded scene with the settings and the camera to look with. The film's size is the wanted one.
 #[derive(Debug)]
@@ -80,7 +75,7 @@ impl SceneJob {
             glass_splits: args.glass_splits.unwrap_or(defaults.glass_splits),
             transparent_shadows: args.transparent_shadows || defaults.transparent_shadows,
             aux: args.aux,
-            force_features: args.force_features,
+            force_features: args.force_features || defaults.force_features,
             ..defaults
         };
         Ok(Self {
@@ -253,7 +248,7 @@ where
     }
 }
 
-fn check_positive(option: &str, value: Option<f64>) -> Result<()> {
+pub(super) fn check_positive(option: &str, value: Option<f64>) -> Result<()> {
     match value {
         Some(value) if !(value.is_finite() && value > 0.0) => Err(Error::usage(format!(
             "{option} must be a number greater than 0, not {value}"

@@ -10,10 +10,13 @@ pub mod openexr;
 pub mod output;
 mod png;
 
+pub(crate) use compare::difference_rgb8;
 pub use compare::{Comparison, compare, write_difference};
 pub use error::ErrorEstimate;
 pub use memory::check_memory;
 pub use openexr::{ExrImage, read_exr};
+pub(crate) use png::{display_rgb8, encode_rgb8, grey_rgb8};
+
 pub use output::{ImageFormat, Provenance, check_writable, write_atomically, write_image};
 
 /// Share of the image's mean that is added, squared, to a pixel's squared mean where an error is
@@ -252,6 +255,12 @@ impl Film {
     /// Samples of each pixel.
     fn all_samples(&self) -> impl Iterator<Item = u64> {
         (0..self.len()).map(|pixel| self.samples(pixel))
+    }
+
+    /// Blocks at a pixel.
+    pub fn blocks(&self, pixel: usize) -> u64 {
+        let halves = self.parts(pixel).into_iter().flatten();
+        halves.map(|sums| sums.blocks).sum()
     }
 
     /// Samples over the whole film.

@@ -113,6 +113,15 @@ impl Adaptive {
         })
     }
 
+    /// The schedule of a render that goes on for as long as it is asked to, whatever its budget.
+    pub fn endless(settings: &RenderSettings, tiles: Tiles) -> Self {
+        let settings = RenderSettings {
+            budget: Budget::Seconds(f64::INFINITY),
+            ..settings.clone()
+        };
+        Self::new(&settings, tiles).expect("there is no number of samples to be too small")
+    }
+
     /// Samples of the largest block.
     pub fn largest_block(&self) -> u32 {
         self.blocks.largest()

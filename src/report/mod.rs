@@ -2,6 +2,7 @@
 
 pub mod accels;
 mod clock;
+pub mod converge;
 mod load;
 mod machine;
 mod summary;

@@ -8,6 +8,7 @@ mod cli;
 mod closed_forms;
 #[path = "../../benches/support/closed_meshes.rs"]
 mod closed_meshes;
+mod converge;
 mod determinism;
 mod extremes;
 mod features;
