@@ -190,7 +190,8 @@ impl Reference {
             (EmissionWeight::Full, _) | (_, None) => 1.0,
             (EmissionWeight::Zero, _) => 0.0,
             (EmissionWeight::Shared(vertex, pdf), Some(light)) => {
-                power_heuristic(*pdf, self.lights.pdf(light, vertex, ray.direction, hit))
+                let light_pdf = self.lights.pdf(light, vertex, ray.direction, hit);
+                power_heuristic(*pdf, light_pdf * f64::from(self.light_samples))
             }
         }
     }

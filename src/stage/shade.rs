@@ -71,6 +71,8 @@ enum Branch {
     First,
     /// The second of two.
     Second,
+    /// None: another light sample, of this number.
+    Light(u32),
 }
 
 /// Shades the hits of the queue of `M`'s kind: sends shadow rays to sampled lights and appends the
@@ -82,14 +84,21 @@ pub(super) fn shade<M: Material, const F: u32>(
 ) {
     let whitted = scene.on::<F>(Features::WHITTED);
     let splits = scene.on::<F>(Features::WHITTED | Features::GLASS_SPLITS);
-    // All first branches come before all second ones, so that the order of a path's rays does not
+    // All first branches (and light samples) come before all second ones, so that the order of a path's rays does not
     // depend on which vector of lanes it happens to be in.
     let branches: &[Branch] = if splits && M::TRANSMISSIVE {
         &[Branch::First, Branch::Second]
     } else {
         &[Branch::Sampled]
     };
-    for &branch in branches {
+    let several = scene.on::<F>(Features::LIGHT_SAMPLES) && !M::SPECULAR;
+    let light_samples = if several {
+        scene.branching.light_samples
+    } else {
+        1
+    };
+    let rounds = branches.iter().copied();
+    for branch in rounds.chain((1..light_samples).map(Branch::Light)) {
         for at in (0..wave.by_material[M::KIND as usize].len).step_by(LANES) {
             let mut hits = Hits::fetch::<M, F>(scene, wave, at);
             let numbers = Numbers::of_hit::<F>(scene, item, hits.random, hits.path, hits.state);
@@ -103,7 +112,19 @@ pub(super) fn shade<M: Material, const F: u32>(
                 hits.straight_eta = M::straight_eta(&params, hits.wo);
             }
             if !M::SPECULAR && scene.on::<F>(Features::SHADOW_RAYS) {
-                sample_lights::<M, F>(scene, &hits, &numbers, &params, wave);
+                let number = match branch {
+                    Branch::Light(number) => number,
+                    _ => 0,
+                };
+                let numbers = if several {
+                    numbers.of_light_sample(light_samples, number)
+                } else {
+                    numbers
+                };
+                sample_light::<M, F>(scene, &hits, &numbers, &params, wave);
+            }
+            if let Branch::Light(_) = branch {
+                continue;
             }
             if whitted && !M::SPECULAR {
                 if hits.passes.any() {
@@ -125,6 +146,7 @@ pub(super) fn shade<M: Material, const F: u32>(
                 Branch::First | Branch::Second => {
                     follow_split::<M, F>(scene, &hits, &numbers, &params, branch, &mut wave.next);
                 }
+                Branch::Light(_) => {}
             }
         }
     }
@@ -231,31 +253,6 @@ fn direction_numbers<const F: u32>(
         lobe = ((lobe - passing) / (F32s::splat(1.0) - passing)).fast_min(most);
     }
     [u, v, lobe]
-}
-
-/// Takes the light samples of the hits.
-#[inline(always)]
-fn sample_lights<M: Material, const F: u32>(
-    scene: &CompiledScene,
-    hits: &Hits,
-    numbers: &Numbers,
-    params: &M::Params,
-    wave: &mut Wave,
-) {
-    let several = scene.on::<F>(Features::LIGHT_SAMPLES);
-    let count = if several {
-        scene.branching.light_samples
-    } else {
-        1
-    };
-    for i in 0..count {
-        let numbers = if several {
-            numbers.of_light_sample(count, i)
-        } else {
-            *numbers
-        };
-        sample_light::<M, F>(scene, hits, &numbers, params, wave);
-    }
 }
 
 /// Samples a point on a light and queues a shadow ray to it where it would bring anything.
