@@ -170,7 +170,8 @@
 //!   8 lanes through the crate `wide`; they are tested for correctness and not tuned. CPU clocks are
 //!   POSIX.
 //! - The error estimate comes from the spread of block means. It is itself an estimate: with few
-//!   blocks, or where rare bright paths have not been seen yet, it is too small.
+//!   blocks, or where rare bright paths have not been seen yet, it is too small; for the Sobol sampler,
+//!   whose blocks avoid each other, it is too large ([`sampler::sobol`]).
 //!
 //! # Sources
 //!
@@ -202,6 +203,9 @@
 //!   Physically Based Rendering", KU Leuven 1994.
 //! - A. Keller et al., "The Iray Light Transport Simulation and Rendering System", arXiv:1705.01263,
 //!   2017: interpolated normals that no reflection leaves downward.
+//! - A. B. Owen, "Randomly Permuted (t,m,s)-Nets and (t,s)-Sequences", 1995. B. Burley, "Practical
+//!   Hash-based Owen Scrambling", JCGT 9(4), 2020. J. Neyman, "On the Two Different Aspects of the
+//!   Representative Method", 1934: samples in proportion to the deviation.
 //! - T. Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017. M. E. O'Neill,
 //!   "PCG: A Family of Simple Fast Space-Efficient Statistically Good Algorithms for Random Number
 //!   Generation", Harvey Mudd College 2014.

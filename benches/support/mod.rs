@@ -63,6 +63,7 @@ impl Bench {
         let mut wave = Wave::new(
             settings.wave,
             scene.features,
+            scene.branching,
             pixels * SAMPLES as usize,
             pixels,
         );

@@ -6,7 +6,10 @@ use crate::error::{Error, Result};
 use crate::film::{ImageFormat, check_memory, check_writable};
 use crate::integrator::thread_pool;
 use crate::report::{LoadReport, Stopwatch};
-use crate::scene::{self, Budget, RenderSettings, SceneDescription};
+use crate::scene::{
+    self, Budget, MAX_BLOCK, MAX_WAVE, MOST_GLASS_SPLITS, MOST_LIGHT_SAMPLES, RenderSettings,
+    SceneDescription,
+};
 
 use super::args::{BudgetArgs, RenderArgs, SceneArgs};
 
@@ -19,14 +22,8 @@ const BUILT_IN_TEXT: &str = include_str!("../../scenes/hexroom.toml");
 /// Most pixels across or down, as for scene files.
 const MAX_SIDE: u32 = 65_535;
 
-/// Most samples per block: the film sums a block in f32 before it adds it in f64.
-const MAX_BLOCK: u32 = 64;
-
 /// Most worker threads. Beyond any machine; it stops a slip of the keyboard from exhausting one.
 pub(super) const MAX_THREADS: usize = 4096;
-
-/// Most paths in flight per thread: a few GiB of queues.
-pub(super) const MAX_WAVE: usize = 1 << 24;
 
 /// Largest fixed bias of secondary rays, as for coordinates.
 const MAX_SHADOW_BIAS: f64 = 1.8e18;
@@ -78,11 +75,13 @@ impl SceneJob {
             block: args.block.unwrap_or(defaults.block),
             max_depth: args.max_depth.or(defaults.max_depth),
             roulette_depth: args.roulette_depth.unwrap_or(defaults.roulette_depth),
+            light_samples: args.light_samples.unwrap_or(defaults.light_samples),
+            glass_splits: args.glass_splits.unwrap_or(defaults.glass_splits),
             transparent_shadows: args.transparent_shadows || defaults.transparent_shadows,
             shadow_bias: args.shadow_bias.or(defaults.shadow_bias),
             clamp: args.clamp.or(defaults.clamp),
             aux: args.aux,
-            force_features: args.force_features,
+            force_features: args.force_features || defaults.force_features,
             ..defaults
         };
         Ok(Self {
@@ -142,6 +141,7 @@ impl RenderJob {
         };
         let settings = &mut scene_job.settings;
         settings.budget = budget.unwrap_or(settings.budget);
+        settings.adaptive |= args.adaptive;
         settings.threads = args.threads.unwrap_or(settings.threads);
         settings.seed = args.seed.unwrap_or(settings.seed);
         Self {
@@ -171,7 +171,8 @@ impl RenderJob {
         let SceneJob {
             scene, settings, ..
         } = &self.scene_job;
-        check_memory(scene.film.width, scene.film.height, settings.aux)?;
+        let halves = if settings.adaptive { 2 } else { 1 };
+        check_memory(scene.film.width, scene.film.height, settings.aux, halves)?;
         Ok(self)
     }
 }
@@ -180,6 +181,8 @@ fn check_scene_args(args: &SceneArgs) -> Result<()> {
     check_range("--width", args.width, 1, MAX_SIDE)?;
     check_range("--height", args.height, 1, MAX_SIDE)?;
     check_range("--max-depth", args.max_depth, 1, u32::MAX)?;
+    check_range("--light-samples", args.light_samples, 1, MOST_LIGHT_SAMPLES)?;
+    check_range("--glass-splits", args.glass_splits, 0, MOST_GLASS_SPLITS)?;
     check_range("--wave", args.wave, 1, MAX_WAVE)?;
     check_positive("--clamp", args.clamp)?;
     if args.shadow_bias.is_some_and(f64::is_nan) {
@@ -260,7 +263,7 @@ where
     }
 }
 
-fn check_positive(option: &str, value: Option<f64>) -> Result<()> {
+pub(super) fn check_positive(option: &str, value: Option<f64>) -> Result<()> {
     match value {
         Some(value) if !(value.is_finite() && value > 0.0) => Err(Error::usage(format!(
             "{option} must be a number greater than 0, not {value}"

@@ -3,12 +3,14 @@
 mod accels;
 mod args;
 mod compare;
+mod converge;
 mod interrupt;
 mod job;
 mod mesh;
 mod plan;
 mod progress;
 mod render;
+mod variations;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -61,6 +63,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Result<Status> {
         Some(Command::Compare(args)) => compare::run(&args),
         Some(Command::Mesh(args)) => mesh::run(&args),
         Some(Command::Accels(args)) => accels::run(&args),
+        Some(Command::Converge(args)) => converge::run(&args),
     }
 }
 

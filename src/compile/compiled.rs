@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use super::attributes::{CornerAttributes, sound_uv, unit};
 use super::maps::{MaterialMaps, is_partial, is_textured, maps};
 use super::structure::{build_quality, structure};
-use super::{Camera, Features};
+use super::{Branching, Camera, Features};
 use crate::accel::{self, Accel, BuildOptions, BuildPhase};
 use crate::error::{Error, Result};
 use crate::geometry::{Geometry, Sphere, Triangle};
@@ -63,6 +63,8 @@ pub struct SurfaceTable {
 pub struct CompiledScene {
     /// What is needed.
     pub features: Features,
+    /// How many rays leave a hit.
+    pub branching: Branching,
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
@@ -223,6 +225,7 @@ pub fn compile_with_progress(
     };
     Ok(CompiledScene {
         features,
+        branching: Branching::new(features, settings),
         width,
         height,
         camera: Camera::new(&view.projection, width, height, bounds.center),
@@ -745,6 +748,15 @@ fn features(tables: &Tables<'_>, lights: &LightTable, settings: &RenderSettings)
     add(
         settings.sampler == SamplerKind::Stratified,
         Features::STRATIFIED,
+    );
+    add(settings.sampler == SamplerKind::Sobol, Features::SOBOL);
+    add(
+        shadow_rays && settings.light_samples > 1,
+        Features::LIGHT_SAMPLES,
+    );
+    add(
+        settings.glass_splits > 0 && !whitted && used(MaterialKind::Dielectric) && deep,
+        Features::GLASS_SPLITS,
     );
     add(whitted, Features::WHITTED);
     add(

@@ -54,6 +54,12 @@ impl Features {
     pub const TEXTURES: Self = Self(1 << 23);
     /// Surfaces that let part of the light go straight on.
     pub const OPACITY: Self = Self(1 << 24);
+    /// Owen-scrambled Sobol points.
+    pub const SOBOL: Self = Self(1 << 25);
+    /// More than one light sample per hit.
+    pub const LIGHT_SAMPLES: Self = Self(1 << 26);
+    /// Path tracing follows both branches at glass.
+    pub const GLASS_SPLITS: Self = Self(1 << 27);
 
     /// Secondary rays start off their surface by a fixed bias.
     pub const SHADOW_BIAS: Self = Self(1 << 28);
@@ -72,7 +78,7 @@ impl Features {
         .with(Self::TEXTURES)
         .with(Self::OPACITY);
 
-    const NAMES: [(Self, &'static str); 23] = [
+    const NAMES: [(Self, &'static str); 26] = [
         (Self::TRIANGLES, "triangles"),
         (Self::SPHERES, "spheres"),
         (Self::LAMBERTIAN, "Lambertian surfaces"),
@@ -92,6 +98,9 @@ impl Features {
         (Self::SHADOW_RAYS, "shadow rays"),
         (Self::MIS, "multiple importance sampling"),
         (Self::STRATIFIED, "stratified sampling"),
+        (Self::SOBOL, "Sobol sampling"),
+        (Self::LIGHT_SAMPLES, "several light samples"),
+        (Self::GLASS_SPLITS, "splitting at glass"),
         (Self::WHITTED, "Whitted's transport"),
         (Self::TRANSPARENT_SHADOWS, "transparent shadows"),
         (Self::AUX, "auxiliary images"),

@@ -1,6 +1,7 @@
 //! From the scene as written to the scene as traced: what is needed is decided, flattened, built.
 
 mod attributes;
+pub mod branching;
 mod camera;
 pub mod compiled;
 pub mod features;
@@ -10,6 +11,7 @@ mod structure;
 mod work_item;
 
 pub use attributes::CornerAttributes;
+pub use branching::Branching;
 pub use camera::Camera;
 pub use compiled::{
     Albedo, CompiledScene, PrimitiveClass, SurfaceTable, compile, compile_with_progress,

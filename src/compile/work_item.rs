@@ -28,7 +28,26 @@ pub struct WorkItem {
     pub samples: u32,
 }
 
+/// Bit of the numbers of blocks and samples that belong to the second half of a film in two halves: so all
+/// their random numbers are unrelated to those of the first.
+const SECOND_HALF: u64 = 1 << 63;
+
 impl WorkItem {
+    /// The item as one of half 0 or half 1 of the film.
+    pub fn in_half(self, half: usize) -> Self {
+        let bit = if half == 1 { SECOND_HALF } else { 0 };
+        Self {
+            block: self.block | bit,
+            first_sample: self.first_sample | bit,
+            ..self
+        }
+    }
+
+    /// The half of the film that the item belongs to; 0 of a whole film.
+    pub fn half(&self) -> usize {
+        usize::from(self.block & SECOND_HALF != 0)
+    }
+
     /// Pixels in the tile.
     pub fn pixels(&self) -> u32 {
         self.width * self.height

@@ -4,17 +4,18 @@ use crate::error::{Error, Result};
 
 use super::{Film, openexr};
 
-/// Errors with [`ErrorKind::Limit`](crate::ErrorKind::Limit) if a film of this size, and the images
+/// Errors with [`ErrorKind::Limit`](crate::ErrorKind::Limit) if a film of this size with `halves` halves, and the images
 /// written from it, need more memory than the machine has available. Where the machine does not
 /// say, nothing is refused.
-pub fn check_memory(width: u32, height: u32, aux: bool) -> Result<()> {
+pub fn check_memory(width: u32, height: u32, aux: bool, halves: u64) -> Result<()> {
     available_bytes().map_or(Ok(()), |available| {
-        check_against(width, height, aux, available)
+        check_against(width, height, aux, halves, available)
     })
 }
 
-fn check_against(width: u32, height: u32, aux: bool, available: u64) -> Result<()> {
-    let needed = Film::bytes(width, height, aux) + openexr::write_bytes(width, height, aux);
+fn check_against(width: u32, height: u32, aux: bool, halves: u64, available: u64) -> Result<()> {
+    let needed =
+        halves * Film::bytes(width, height, aux) + openexr::write_bytes(width, height, aux);
     if needed <= available {
         return Ok(());
     }
@@ -63,7 +64,7 @@ mod tests {
 
     #[test]
     fn too_large_an_image_is_refused_with_both_numbers() {
-        let error = check_against(16384, 16384, true, 8 << 30).unwrap_err();
+        let error = check_against(16384, 16384, true, 1, 8 << 30).unwrap_err();
         assert_eq!(error.kind, ErrorKind::Limit);
         assert!(error.message.contains("16384 × 16384"), "{error}");
         assert!(error.message.contains("8.00 GiB are available"), "{error}");
@@ -71,13 +72,16 @@ mod tests {
 
     #[test]
     fn limit_is_exactly_what_is_needed() {
-        let needed = Film::bytes(64, 64, false) + openexr::write_bytes(64, 64, false);
-        assert!(check_against(64, 64, false, needed).is_ok());
-        assert!(check_against(64, 64, false, needed - 1).is_err());
+        for halves in [1, 2] {
+            let film = halves * Film::bytes(64, 64, false);
+            let needed = film + openexr::write_bytes(64, 64, false);
+            assert!(check_against(64, 64, false, halves, needed).is_ok());
+            assert!(check_against(64, 64, false, halves, needed - 1).is_err());
+        }
     }
 
     #[test]
     fn sizes_do_not_overflow() {
-        assert!(check_against(u32::MAX, 65_535, true, u64::MAX >> 8).is_ok());
+        assert!(check_against(u32::MAX, 65_535, true, 2, u64::MAX >> 7).is_ok());
     }
 }

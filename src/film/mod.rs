@@ -4,14 +4,19 @@
 //! block means is the only source of the error estimate, so it holds for stratified samples too.
 
 pub mod compare;
+pub mod error;
 pub(crate) mod memory;
 pub mod openexr;
 pub mod output;
 mod png;
 
+pub(crate) use compare::difference_rgb8;
 pub use compare::{Comparison, compare, write_difference};
+pub use error::ErrorEstimate;
 pub use memory::check_memory;
 pub use openexr::{ExrImage, read_exr};
+pub(crate) use png::{display_rgb8, encode_rgb8, grey_rgb8};
+
 pub use output::{ImageFormat, Provenance, check_writable, write_atomically, write_image};
 
 /// Share of the image's mean that is added, squared, to a pixel's squared mean where an error is
@@ -20,15 +25,43 @@ pub const RELATIVE_EPSILON: f64 = 0.01;
 
 /// Sums over the blocks of one pixel, one cache line.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct PixelSums {
+pub(crate) struct PixelSums {
     /// Σ S_b, S_b the sum of radiance over block b.
     sum: [f64; 3],
     /// Σ S_b² / n_b, n_b the samples of block b.
     squares: [f64; 3],
     /// N = Σ n_b.
-    samples: u64,
+    pub(crate) samples: u64,
     /// B.
     blocks: u64,
+}
+
+impl PixelSums {
+    /// Mean radiance; zero without samples.
+    #[inline]
+    pub(crate) fn mean(&self) -> [f64; 3] {
+        let scale = if self.samples == 0 {
+            0.0
+        } else {
+            1.0 / self.samples as f64
+        };
+        self.sum.map(|sum| sum * scale)
+    }
+
+    /// Variance of the mean, see [`Film::variance`].
+    #[inline]
+    pub(crate) fn variance(&self) -> Option<[f64; 3]> {
+        if self.blocks < 2 {
+            return None;
+        }
+        let samples = self.samples as f64;
+        let scale = 1.0 / ((self.blocks - 1) as f64 * samples);
+        Some(std::array::from_fn(|channel| {
+            let spread = self.squares[channel] - self.sum[channel] * self.sum[channel] / samples;
+            // Rounding makes it slightly negative where all blocks are equal.
+            spread.max(0.0) * scale
+        }))
+    }
 }
 
 /// Sums of the first hit's attributes at one pixel.
@@ -38,6 +71,22 @@ struct AuxSums {
     normal: [f64; 3],
     depth: f64,
     samples: u64,
+}
+
+impl AuxSums {
+    /// Means; zeros without samples.
+    fn means(&self) -> AuxMeans {
+        let scale = if self.samples == 0 {
+            0.0
+        } else {
+            1.0 / self.samples as f64
+        };
+        AuxMeans {
+            albedo: self.albedo.map(|sum| sum * scale),
+            normal: self.normal.map(|sum| sum * scale),
+            depth: self.depth * scale,
+        }
+    }
 }
 
 /// Means of the first hit's attributes at one pixel; a sample that hit nothing counts as zeros.
@@ -51,6 +100,18 @@ pub struct AuxMeans {
     pub depth: f64,
 }
 
+impl AuxMeans {
+    /// The mean of both.
+    fn between(a: &Self, b: &Self) -> Self {
+        let mean = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|axis| 0.5 * (a[axis] + b[axis]));
+        Self {
+            albedo: mean(a.albedo, b.albedo),
+            normal: mean(a.normal, b.normal),
+            depth: 0.5 * (a.depth + b.depth),
+        }
+    }
+}
+
 /// Per-pixel sums in f64. Pixel index is `y·width + x`, row 0 on top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Film {
@@ -58,6 +119,8 @@ pub struct Film {
     height: u32,
     pixels: Vec<PixelSums>,
     aux: Vec<AuxSums>,
+    /// Of a film in two halves, the second.
+    second: Option<Box<Film>>,
 }
 
 impl Film {
@@ -70,10 +133,54 @@ impl Film {
             height,
             pixels: vec![PixelSums::default(); count],
             aux: vec![AuxSums::default(); if aux { count } else { 0 }],
+            second: None,
         }
     }
 
-    /// Bytes that a film of this size occupies.
+    /// As [`Self::new`], in two halves that count the same whatever number of samples each has at a pixel:
+    /// means are the mean of both halves' means. So the number of samples in one half may depend on what
+    /// the other has seen, and the image is still unbiased.
+    pub fn halved(width: u32, height: u32, aux: bool) -> Self {
+        Self {
+            second: Some(Box::new(Self::new(width, height, aux))),
+            ..Self::new(width, height, aux)
+        }
+    }
+
+    /// Number of halves: 1 where the film is whole, else 2.
+    pub fn halves(&self) -> usize {
+        1 + usize::from(self.second.is_some())
+    }
+
+    /// Half 0, or half 1 of a film that has one, to add samples to. What is added to the whole film is
+    /// added to half 0.
+    pub fn half_mut(&mut self, half: usize) -> &mut Self {
+        if half == 0 || self.second.is_none() {
+            return self;
+        }
+        self.second.as_mut().expect("there is a second half")
+    }
+
+    /// Sums of all pixels of a half that the film has.
+    pub(crate) fn half(&self, half: usize) -> &[PixelSums] {
+        match (half, &self.second) {
+            (1, Some(second)) => &second.pixels,
+            _ => &self.pixels,
+        }
+    }
+
+    /// Sums of the halves at a pixel that have samples there; both if none has.
+    fn parts(&self, pixel: usize) -> [Option<&PixelSums>; 2] {
+        let first = &self.pixels[pixel];
+        match self.second.as_ref().map(|second| &second.pixels[pixel]) {
+            None => [Some(first), None],
+            Some(second) if second.blocks == 0 => [Some(first), None],
+            Some(second) if first.blocks == 0 => [Some(second), None],
+            second => [Some(first), second],
+        }
+    }
+
+    /// Bytes that each half of a film of this size occupies.
     pub fn bytes(width: u32, height: u32, aux: bool) -> u64 {
         let per_pixel = size_of::<PixelSums>() + if aux { size_of::<AuxSums>() } else { 0 };
         u64::from(width) * u64::from(height) * per_pixel as u64
@@ -141,75 +248,82 @@ impl Film {
 
     /// Samples at a pixel.
     pub fn samples(&self, pixel: usize) -> u64 {
-        self.pixels[pixel].samples
+        let halves = self.parts(pixel).into_iter().flatten();
+        halves.map(|sums| sums.samples).sum()
+    }
+
+    /// Samples of each pixel.
+    fn all_samples(&self) -> impl Iterator<Item = u64> {
+        (0..self.len()).map(|pixel| self.samples(pixel))
+    }
+
+    /// Blocks at a pixel.
+    pub fn blocks(&self, pixel: usize) -> u64 {
+        let halves = self.parts(pixel).into_iter().flatten();
+        halves.map(|sums| sums.blocks).sum()
     }
 
     /// Samples over the whole film.
     pub fn total_samples(&self) -> u64 {
-        self.pixels.iter().map(|sums| sums.samples).sum()
+        self.all_samples().sum()
     }
 
     /// Fewest samples at any pixel.
     pub fn min_samples(&self) -> u64 {
-        self.pixels
-            .iter()
-            .map(|sums| sums.samples)
-            .min()
-            .unwrap_or(0)
+        self.all_samples().min().unwrap_or(0)
     }
 
     /// Most samples at any pixel.
     pub fn max_samples(&self) -> u64 {
-        self.pixels
-            .iter()
-            .map(|sums| sums.samples)
-            .max()
-            .unwrap_or(0)
+        self.all_samples().max().unwrap_or(0)
+    }
+
+    /// Blocks of a pixel beyond the first of each half.
+    fn degrees_of_freedom(&self, pixel: usize) -> u64 {
+        let halves = self.parts(pixel).into_iter().flatten();
+        halves.map(|sums| sums.blocks.saturating_sub(1)).sum()
     }
 
     /// Mean radiance of a pixel, linear RGB, W·sr⁻¹·m⁻²; zero where there is no sample.
     #[inline]
     pub fn mean(&self, pixel: usize) -> [f64; 3] {
-        let sums = &self.pixels[pixel];
-        let scale = if sums.samples == 0 {
-            0.0
-        } else {
-            1.0 / sums.samples as f64
-        };
-        sums.sum.map(|sum| sum * scale)
+        match self.parts(pixel) {
+            [Some(first), Some(second)] => {
+                let [a, b] = [first.mean(), second.mean()];
+                std::array::from_fn(|channel| 0.5 * (a[channel] + b[channel]))
+            }
+            [first, second] => first.or(second).map_or([0.0; 3], PixelSums::mean),
+        }
     }
 
     /// Variance of a pixel's mean, estimated from the B block sums S_b of n_b samples each as
     /// ((Σ S_b²/n_b) − (ΣS_b)²/N) / (B − 1) / N, N = Σ n_b: the unbiased estimate for independent
-    /// blocks, whatever the samples within a block have to do with each other. `None` below 2 blocks.
+    /// blocks, whatever the samples within a block have to do with each other. Of two halves, a quarter of
+    /// the sum of both. `None` below 2 blocks in a half.
     #[inline]
     pub fn variance(&self, pixel: usize) -> Option<[f64; 3]> {
-        let sums = &self.pixels[pixel];
-        if sums.blocks < 2 {
-            return None;
+        match self.parts(pixel) {
+            [Some(first), Some(second)] => {
+                let [a, b] = [first.variance()?, second.variance()?];
+                Some(std::array::from_fn(|channel| {
+                    0.25 * (a[channel] + b[channel])
+                }))
+            }
+            [first, second] => first.or(second)?.variance(),
         }
-        let samples = sums.samples as f64;
-        let scale = 1.0 / ((sums.blocks - 1) as f64 * samples);
-        Some(std::array::from_fn(|channel| {
-            let spread = sums.squares[channel] - sums.sum[channel] * sums.sum[channel] / samples;
-            // Rounding makes it slightly negative where all blocks are equal.
-            spread.max(0.0) * scale
-        }))
     }
 
     /// Mean attributes of a pixel's first hits. `None` unless the film was made with `aux`.
     pub fn aux(&self, pixel: usize) -> Option<AuxMeans> {
-        let sums = self.aux.get(pixel)?;
-        let scale = if sums.samples == 0 {
-            0.0
-        } else {
-            1.0 / sums.samples as f64
-        };
-        Some(AuxMeans {
-            albedo: sums.albedo.map(|sum| sum * scale),
-            normal: sums.normal.map(|sum| sum * scale),
-            depth: sums.depth * scale,
-        })
+        let first = self.aux.get(pixel)?;
+        let second = self.second.as_ref().and_then(|half| half.aux.get(pixel));
+        match second {
+            Some(second) if second.samples > 0 && first.samples > 0 => {
+                Some(AuxMeans::between(&first.means(), &second.means()))
+            }
+            Some(second) if second.samples > 0 => Some(second.means()),
+            _ => Some(first.means()),
+        }
     }
 
     /// Mean over pixels and the three channels.
@@ -219,26 +333,14 @@ impl Film {
             .sum();
         sum / (3 * self.len()).max(1) as f64
     }
+}
 
-    /// Estimated relative error of the image, as a fraction: the square root of the mean, over
-    /// pixels and channels, of variance / (mean² + ε²), with ε = [`RELATIVE_EPSILON`] × the image's
-    /// mean. It needs no reference, falls as 1/√samples, and does not depend on exposure. `None`
-    /// unless every pixel has two blocks.
-    pub fn relative_error(&self) -> Option<f64> {
-        if self.is_empty() {
-            return None;
-        }
-        let epsilon = RELATIVE_EPSILON * self.image_mean();
-        let mut sum = 0.0;
-        for pixel in 0..self.len() {
-            let mean = self.mean(pixel);
-            let variance = self.variance(pixel)?;
-            for (variance, mean) in variance.into_iter().zip(mean) {
-                sum += relative_square(variance, mean, epsilon);
-            }
-        }
-        Some((sum / (3 * self.len()) as f64).sqrt())
-    }
+/// Sum over the channels of variance / (mean² + `epsilon`²).
+pub(crate) fn relative_variance(mean: [f64; 3], variance: [f64; 3], epsilon: f64) -> f64 {
+    let channels = variance.into_iter().zip(mean);
+    channels
+        .map(|(variance, mean)| relative_square(variance, mean, epsilon))
+        .sum()
 }
 
 /// square / (reference² + ε²); 0 where nothing differs from an all-black reference, else infinite there.
@@ -375,6 +477,27 @@ mod tests {
         }
         let expected = (1e10 + 500_000.0) / 1_000_001.0;
         assert!((film.mean(0)[0] / expected - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn halves_count_the_same_however_many_samples_they_have() {
+        let mut film = Film::halved(2, 1, true);
+        assert_eq!(film.halves(), 2);
+        for (half, samples, value) in [(0, 1, 4.0), (0, 1, 6.0), (1, 4, 1.0), (1, 4, 3.0)] {
+            let sum = f64::from(samples) * value;
+            film.half_mut(half).add_block(0, samples, [sum; 3]);
+            film.half_mut(half)
+                .add_aux(0, samples, [sum; 3], [0.0; 3], sum);
+        }
+        // Means 5 and 2; variances of these means 1 and 1.
+        assert_eq!(film.mean(0), [3.5; 3]);
+        assert_eq!(film.variance(0), Some([0.5; 3]));
+        assert_eq!((film.samples(0), film.degrees_of_freedom(0)), (10, 2));
+        assert_eq!(film.aux(0).unwrap().depth, 3.5);
+        // A half that has nothing is left out.
+        film.half_mut(1).add_block(1, 2, [6.0; 3]);
+        assert_eq!((film.mean(1), film.variance(1)), ([3.0; 3], None));
+        assert_eq!((film.min_samples(), film.max_samples()), (2, 10));
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Renders: hands out work items to workers, round by round, until the budget is used.
 //!
-//! A round is one block of samples for every tile. Within a round each tile belongs to one work
-//! item, and rounds follow one another, so each pixel's blocks are added in order, whatever the
-//! number of threads: the film is bit-identical.
+//! A round is one block of samples for every tile, or for those that an adaptive render chooses. Within
+//! a round each tile belongs to one work item (in each half of the film), and rounds follow one another, so
+//! each pixel's blocks are added in order, whatever the number of threads: the film is bit-identical.
 
+pub mod adaptive;
 pub mod clock;
 pub mod plan;
 pub mod schedule;
@@ -11,8 +12,8 @@ pub mod stats;
 pub mod wavefront;
 
 use std::ops::ControlFlow;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
@@ -26,8 +27,9 @@ use crate::scene::{Budget, IntegratorKind, RenderSettings, SceneDescription};
 use crate::stage::Kernels;
 use crate::wave::{COUNTED_DEPTHS, Wave};
 
+use adaptive::Adaptive;
 use clock::{StageClock, Step, thread_cpu_seconds};
-use schedule::{Blocks, Tiles};
+use schedule::{Schedule, Tiles};
 use stats::{DepthStats, EndReason, Progress, RenderStats, StageStats};
 use wavefront::Passes;
 
@@ -66,130 +68,288 @@ pub fn thread_pool(threads: usize) -> Result<rayon::ThreadPool> {
 /// Renders `compiled`, made of `scene`, until the budget of `settings` is used or the observer breaks.
 ///
 /// # Errors
-/// If the film does not fit into memory, or threads cannot be started.
+/// As [`Session::new`], and if an adaptive render is to have too few samples.
 pub fn render(
     scene: &SceneDescription,
     compiled: &CompiledScene,
     settings: &RenderSettings,
     observer: &Observer<'_>,
 ) -> Result<Outcome> {
-    let pool = thread_pool(settings.threads)?;
-    let (width, height) = (compiled.width, compiled.height);
-    let blocks = Blocks::new(settings);
-    let tiles = Tiles::new(width, height);
-    check_memory(width, height, settings.aux)?;
-    let film = Film::new(width, height, settings.aux);
-    let reference = match settings.integrator {
-        IntegratorKind::Reference => Some(Reference::new(
-            scene,
-            compiled.camera_index,
-            width,
-            height,
-            settings,
-        )?),
-        IntegratorKind::Path | IntegratorKind::Whitted => None,
-    };
-    let workers: Vec<_> = (0..settings.threads)
-        .map(|_| {
-            Mutex::new(Worker::new(
-                compiled,
-                settings,
-                reference.as_ref(),
-                blocks.largest(),
-            ))
-        })
-        .collect();
-
+    let tiles = Tiles::new(compiled.width, compiled.height);
+    let mut schedule = Schedule::new(settings, tiles)?;
+    let mut session = Session::new(scene, compiled, settings, schedule.largest_block())?;
+    let pixels = session.film().len() as u64;
     let start = Instant::now();
-    let shared = Shared {
-        film: Mutex::new(film),
-        observer,
-        last_observed: Mutex::new(start),
-        interrupted: AtomicBool::new(false),
-        rays: AtomicU64::new(0),
-    };
-    let mut state = RoundState {
-        block: 0,
-        error: None,
-        seconds: 0.0,
-    };
+    let (mut rounds, mut seconds, mut seconds_per_path, mut estimated_at) = (0, 0.0, 0.0, 0);
     let ended = loop {
-        let Some(samples) = blocks.get(state.block) else {
+        let items = schedule.round();
+        if items.is_empty() {
             break EndReason::Samples;
-        };
-        let next_tile = AtomicUsize::new(0);
-        pool.broadcast(|context| {
-            let mut worker = workers[context.index()]
-                .lock()
-                .expect("a worker's lock is its own");
-            worker.timed(|worker| {
-                while !shared.interrupted.load(Ordering::Relaxed) {
-                    let tile = next_tile.fetch_add(1, Ordering::Relaxed);
-                    if tile >= tiles.count() {
-                        break;
-                    }
-                    let item = tiles.item(tile, state.block, samples);
-                    let rays = worker.render_item(compiled, &item, &shared.film);
-                    shared.rays.fetch_add(rays, Ordering::Relaxed);
-                    shared.observe(start, || {
-                        let done = (tile + 1) as f64 / tiles.count() as f64;
-                        progress(settings, &state, samples, done, start)
-                    });
-                }
-            });
-        });
-        let round_seconds = start.elapsed().as_secs_f64() - state.seconds;
-        state.seconds += round_seconds;
-        state.block += 1;
-        if shared.interrupted.load(Ordering::Relaxed) {
+        }
+        let paths: u64 = items.iter().map(|item| u64::from(item.paths())).sum();
+        // Not begun if it would overrun: a path takes as long as in the last round.
+        if let Budget::Seconds(limit) = settings.budget
+            && seconds + seconds_per_path * paths as f64 > limit
+        {
+            break EndReason::Seconds;
+        }
+        if session.trace(&items, observer).is_break() {
             break EndReason::Interrupted;
         }
-        let film = lock(&shared.film);
-        state.error = film.relative_error();
-        match settings.budget {
-            Budget::Samples(_) => {}
-            Budget::Seconds(seconds) => {
-                // Not begun if it would overrun: a round takes as long per sample as the last.
-                let per_sample = round_seconds / f64::from(samples.1);
-                let next = blocks
-                    .get(state.block)
-                    .map_or(0.0, |(_, n)| f64::from(n) * per_sample);
-                if state.seconds + next > seconds {
-                    break EndReason::Seconds;
-                }
-            }
-            Budget::Error(goal) => {
-                let known = state.error.filter(|_| state.block >= BLOCKS_BEFORE_ERROR);
+        schedule.finished(&items, session.film());
+        let now = start.elapsed().as_secs_f64();
+        seconds_per_path = (now - seconds) / paths as f64;
+        seconds = now;
+        rounds += 1;
+        // An adaptive round may be short: the error is estimated once per sample of every pixel at most.
+        if session.paths - estimated_at >= pixels {
+            estimated_at = session.paths;
+            session.error = session.film().relative_error();
+            if let Budget::Error(goal) = settings.budget {
+                let known = session.error.filter(|_| rounds >= BLOCKS_BEFORE_ERROR);
                 if known.is_some_and(|error| error <= goal) {
                     break EndReason::Error;
                 }
             }
         }
     };
-    let wall_seconds = start.elapsed().as_secs_f64();
-    let film = shared.film.into_inner().expect("no worker panicked");
-    let workers: Vec<Worker<'_>> = workers
-        .into_iter()
-        .map(|w| w.into_inner().expect("no worker panicked"))
-        .collect();
-    let stats = summarise(compiled, settings, &workers, wall_seconds);
+    let stats = RenderStats {
+        wall_seconds: start.elapsed().as_secs_f64(),
+        ..session.stats()
+    };
+    let film = session.into_film();
     Ok(Outcome { film, stats, ended })
 }
 
-/// Where the rounds stand.
-#[derive(Clone, Copy)]
-struct RoundState {
-    /// Rounds completed, and the block of the running one.
-    block: u64,
-    /// Error estimate after the last complete round.
+/// A render that goes on round by round for as long as its owner asks. Its clocks run in rounds alone:
+/// to look at the image between them costs nothing in the figures.
+#[derive(Debug)]
+pub struct Session<'a> {
+    compiled: &'a CompiledScene,
+    settings: RenderSettings,
+    pool: rayon::ThreadPool,
+    tiles: Tiles,
+    reference: Option<Reference>,
+    workers: Vec<Mutex<Worker>>,
+    film: Mutex<Film>,
+    /// Which work items [`Self::round`] renders where samples are placed adaptively.
+    adaptive: Option<Adaptive>,
+    /// Rounds of [`Self::round`] completed, and the block of the next one.
+    blocks: u64,
+    /// Samples per pixel in them, of an adaptive render their mean rounded down.
+    samples: u64,
+    /// Paths of all complete rounds.
+    paths: u64,
+    /// Wall seconds in rounds.
+    wall_seconds: f64,
+    /// Error estimate to tell the observer.
     error: Option<f64>,
-    /// Wall seconds at the end of the last complete round.
-    seconds: f64,
+    started: Instant,
+}
+
+impl<'a> Session<'a> {
+    /// Prepares to render `compiled`, made of `scene`, in blocks of at most `largest_block` samples per
+    /// pixel. The budget of `settings` only tells the observer how far the render is.
+    ///
+    /// # Errors
+    /// If the film does not fit into memory, or threads cannot be started.
+    pub fn new(
+        scene: &SceneDescription,
+        compiled: &'a CompiledScene,
+        settings: &RenderSettings,
+        largest_block: u32,
+    ) -> Result<Self> {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(settings.threads)
+            .thread_name(|i| format!("worker-{i}"))
+            .build()
+            .map_err(|error| {
+                Error::limit(format!(
+                    "cannot start {} threads: {error}",
+                    settings.threads
+                ))
+            })?;
+        let (width, height) = (compiled.width, compiled.height);
+        let film = if settings.adaptive {
+            check_memory(width, height, settings.aux, 2)?;
+            Film::halved(width, height, settings.aux)
+        } else {
+            check_memory(width, height, settings.aux, 1)?;
+            Film::new(width, height, settings.aux)
+        };
+        let tiles = Tiles::new(width, height);
+        let reference = match settings.integrator {
+            IntegratorKind::Reference => Some(Reference::new(
+                scene,
+                compiled.camera_index,
+                width,
+                height,
+                settings,
+            )?),
+            IntegratorKind::Path | IntegratorKind::Whitted => None,
+        };
+        let worker = |_| Mutex::new(Worker::new(compiled, settings, largest_block));
+        Ok(Self {
+            compiled,
+            settings: settings.clone(),
+            pool,
+            adaptive: settings
+                .adaptive
+                .then(|| Adaptive::endless(settings, tiles)),
+            tiles,
+            reference,
+            workers: (0..settings.threads).map(worker).collect(),
+            film: Mutex::new(film),
+            blocks: 0,
+            samples: 0,
+            paths: 0,
+            wall_seconds: 0.0,
+            error: None,
+            started: Instant::now(),
+        })
+    }
+
+    /// Renders the next block, of `samples` ≥ 1 samples per pixel; at most the largest block's. An adaptive
+    /// render takes as many on average, or some more. Breaks if the observer does, the block then being
+    /// incomplete.
+    pub fn round(&mut self, samples: u32, observer: &Observer<'_>) -> ControlFlow<()> {
+        if let Some(mut adaptive) = self.adaptive.take() {
+            let flow = self.adaptive_rounds(&mut adaptive, samples, observer);
+            self.adaptive = Some(adaptive);
+            return flow;
+        }
+        let block = (self.samples, samples);
+        let tiles = 0..self.tiles.count();
+        let items: Vec<WorkItem> = tiles
+            .map(|tile| self.tiles.item(tile, self.blocks, block))
+            .collect();
+        let flow = self.trace(&items, observer);
+        self.blocks += 1;
+        self.samples += u64::from(samples);
+        flow
+    }
+
+    /// Rounds of an adaptive render, until there are `samples` more per pixel on average.
+    fn adaptive_rounds(
+        &mut self,
+        adaptive: &mut Adaptive,
+        samples: u32,
+        observer: &Observer<'_>,
+    ) -> ControlFlow<()> {
+        let pixels = self.film().len() as u64;
+        let goal = self.paths + u64::from(samples) * pixels;
+        while self.paths < goal {
+            let items = adaptive.round();
+            self.trace(&items, observer)?;
+            adaptive.finished(&items, self.film());
+        }
+        self.samples = self.paths / pixels;
+        ControlFlow::Continue(())
+    }
+
+    /// Renders work items, of which no two belong to one tile (of one half of the film). Breaks if the observer does, some of them
+    /// then being left out.
+    fn trace(&mut self, items: &[WorkItem], observer: &Observer<'_>) -> ControlFlow<()> {
+        let shared = Shared {
+            film: &self.film,
+            observer,
+            last_observed: Mutex::new(self.started),
+            interrupted: AtomicBool::new(false),
+            rays: AtomicU64::new(self.locked_workers().map(|w| w.rays()).sum()),
+        };
+        let pixels = f64::from(self.compiled.width) * f64::from(self.compiled.height);
+        let paths: u64 = items.iter().map(|item| u64::from(item.paths())).sum();
+        let start = Instant::now();
+        let next_item = AtomicUsize::new(0);
+        self.pool.broadcast(|context| {
+            let mut worker = self.workers[context.index()]
+                .lock()
+                .expect("a worker's lock is its own");
+            worker.timed(|worker| {
+                while !shared.interrupted.load(Ordering::Relaxed) {
+                    let index = next_item.fetch_add(1, Ordering::Relaxed);
+                    let Some(item) = items.get(index) else {
+                        break;
+                    };
+                    let reference = self.reference.as_ref();
+                    let rays = worker.render_item(self.compiled, reference, item, shared.film);
+                    shared.rays.fetch_add(rays, Ordering::Relaxed);
+                    shared.observe(self.started, || {
+                        let done = (index + 1) as f64 / items.len() as f64;
+                        self.progress((self.paths as f64 + done * paths as f64) / pixels)
+                    });
+                }
+            });
+        });
+        let interrupted = shared.interrupted.into_inner();
+        self.wall_seconds += start.elapsed().as_secs_f64();
+        if interrupted {
+            return ControlFlow::Break(());
+        }
+        self.paths += paths;
+        ControlFlow::Continue(())
+    }
+
+    /// Samples per pixel in the rounds so far, of an adaptive render their mean rounded down.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// CPU seconds of the workers in all rounds so far.
+    pub fn cpu_seconds(&self) -> f64 {
+        self.locked_workers().map(|worker| worker.cpu_seconds).sum()
+    }
+
+    /// The image so far.
+    pub fn film(&mut self) -> &Film {
+        self.film.get_mut().expect("no worker panicked")
+    }
+
+    /// The image, the render being at its end.
+    pub fn into_film(self) -> Film {
+        self.film.into_inner().expect("no worker panicked")
+    }
+
+    /// Counts and times of all rounds so far.
+    pub fn stats(&self) -> RenderStats {
+        summarise(
+            self.compiled,
+            &self.settings,
+            self.locked_workers(),
+            self.wall_seconds,
+        )
+    }
+
+    /// The workers, none of which is at work.
+    fn locked_workers(&self) -> impl Iterator<Item = MutexGuard<'_, Worker>> {
+        let workers = self.workers.iter();
+        workers.map(|worker| worker.lock().expect("no worker panicked"))
+    }
+
+    /// What the observer is told when there are `done` samples per pixel.
+    fn progress(&self, done: f64) -> Progress {
+        let seconds = self.started.elapsed().as_secs_f64();
+        let fraction = match self.settings.budget {
+            Budget::Samples(total) => (done / total as f64).min(1.0),
+            Budget::Seconds(total) => (seconds / total).min(1.0),
+            // Error falls as the root of time: the share of the work done is the square of the ratio.
+            Budget::Error(goal) => self
+                .error
+                .map_or(0.0, |error| (goal / error).powi(2).min(1.0)),
+        };
+        Progress {
+            fraction,
+            samples: done,
+            rays: 0,
+            seconds,
+            error: self.error,
+        }
+    }
 }
 
 /// What the workers share while a round runs.
 struct Shared<'a> {
-    film: Mutex<Film>,
+    film: &'a Mutex<Film>,
     observer: &'a Observer<'a>,
     last_observed: Mutex<Instant>,
     interrupted: AtomicBool,
@@ -216,35 +376,10 @@ impl Shared<'_> {
     }
 }
 
-fn progress(
-    settings: &RenderSettings,
-    state: &RoundState,
-    (first, samples): (u64, u32),
-    round_done: f64,
-    start: Instant,
-) -> Progress {
-    let seconds = start.elapsed().as_secs_f64();
-    let done = first as f64 + round_done * f64::from(samples);
-    let fraction = match settings.budget {
-        Budget::Samples(total) => done / total as f64,
-        Budget::Seconds(total) => (seconds / total).min(1.0),
-        // Error falls as the root of time: the share of the work done is the square of the ratio.
-        Budget::Error(goal) => state
-            .error
-            .map_or(0.0, |error| (goal / error).powi(2).min(1.0)),
-    };
-    Progress {
-        fraction,
-        samples: done,
-        rays: 0,
-        seconds,
-        error: state.error,
-    }
-}
-
 /// One thread's queues and counts, kept from round to round.
-struct Worker<'a> {
-    tracer: Tracer<'a>,
+#[derive(Debug)]
+struct Worker {
+    tracer: Tracer,
     clock: StageClock,
     passes: Passes,
     paths: u64,
@@ -253,6 +388,7 @@ struct Worker<'a> {
 }
 
 /// A limit on the radiance of camera samples.
+#[derive(Debug)]
 struct Clamp {
     /// Of the brightest channel; infinite for none.
     most: f64,
@@ -280,34 +416,29 @@ impl Clamp {
     }
 }
 
-enum Tracer<'a> {
-    Wavefront {
-        wave: Box<Wave>,
-        kernels: Kernels,
-    },
-    Reference {
-        reference: &'a Reference,
-        counts: RayCounts,
-    },
+#[derive(Debug)]
+enum Tracer {
+    Wavefront { wave: Box<Wave>, kernels: Kernels },
+    Reference { counts: RayCounts },
 }
 
-impl<'a> Worker<'a> {
-    fn new(
-        scene: &CompiledScene,
-        settings: &RenderSettings,
-        reference: Option<&'a Reference>,
-        largest_block: u32,
-    ) -> Self {
-        let tracer = match reference {
-            Some(reference) => Tracer::Reference {
-                reference,
+impl Worker {
+    fn new(scene: &CompiledScene, settings: &RenderSettings, largest_block: u32) -> Self {
+        let tracer = match settings.integrator {
+            IntegratorKind::Reference => Tracer::Reference {
                 counts: RayCounts::default(),
             },
-            None => {
+            IntegratorKind::Path | IntegratorKind::Whitted => {
                 let pixels = (TILE * TILE) as usize;
                 let item_paths = pixels * largest_block as usize;
                 Tracer::Wavefront {
-                    wave: Box::new(Wave::new(settings.wave, scene.features, item_paths, pixels)),
+                    wave: Box::new(Wave::new(
+                        settings.wave,
+                        scene.features,
+                        scene.branching,
+                        item_paths,
+                        pixels,
+                    )),
                     kernels: Kernels::choose(scene.features, settings.force_features),
                 }
             }
@@ -330,8 +461,15 @@ impl<'a> Worker<'a> {
         self.cpu_seconds += thread_cpu_seconds() - start;
     }
 
-    /// Renders a work item into the film; returns the rays that took.
-    fn render_item(&mut self, scene: &CompiledScene, item: &WorkItem, film: &Mutex<Film>) -> u64 {
+    /// Renders a work item into the film; returns the rays that took. `reference` is there if the
+    /// integrator is it.
+    fn render_item(
+        &mut self,
+        scene: &CompiledScene,
+        reference: Option<&Reference>,
+        item: &WorkItem,
+        film: &Mutex<Film>,
+    ) -> u64 {
         self.paths += u64::from(item.paths());
         let before = self.rays();
         let clamp = &mut self.clamp;
@@ -344,7 +482,8 @@ impl<'a> Worker<'a> {
                     develop(item, wave, clamp, film)
                 });
             }
-            Tracer::Reference { reference, counts } => {
+            Tracer::Reference { counts } => {
+                let reference = reference.expect("made with the session");
                 for pixel in 0..item.pixels() {
                     let index = item.image_index(pixel);
                     let (x, y) = (item.x + pixel % item.width, item.y + pixel / item.width);
@@ -352,7 +491,9 @@ impl<'a> Worker<'a> {
                     let sum: DVec3 = samples
                         .map(|s| clamp.limit(reference.sample(x, y, s, counts)))
                         .sum();
-                    lock(film).add_block(index, item.samples, sum.to_array());
+                    lock(film)
+                        .half_mut(item.half())
+                        .add_block(index, item.samples, sum.to_array());
                 }
             }
         }
@@ -366,18 +507,19 @@ impl<'a> Worker<'a> {
                 let counters = &wave.counters;
                 counters.rays.iter().chain(&counters.shadow_rays).sum()
             }
-            Tracer::Reference { counts, .. } => counts.camera + counts.bounce + counts.shadow,
+            Tracer::Reference { counts } => counts.camera + counts.bounce + counts.shadow,
         }
     }
 }
 
-fn lock(film: &Mutex<Film>) -> std::sync::MutexGuard<'_, Film> {
+fn lock(film: &Mutex<Film>) -> MutexGuard<'_, Film> {
     film.lock().expect("no worker panicked")
 }
 
 /// Sums the radiance of each pixel's samples, each within the clamp, in order, into the film.
 fn develop(item: &WorkItem, wave: &Wave, clamp: &mut Clamp, film: &Mutex<Film>) {
     let mut film = lock(film);
+    let film = film.half_mut(item.half());
     for (pixel, samples) in wave.radiance[..item.paths() as usize]
         .chunks_exact(item.samples as usize)
         .enumerate()
@@ -397,10 +539,10 @@ fn develop(item: &WorkItem, wave: &Wave, clamp: &mut Clamp, film: &Mutex<Film>) 
 }
 
 /// Adds up what the workers counted.
-fn summarise(
+fn summarise<'w>(
     scene: &CompiledScene,
     settings: &RenderSettings,
-    workers: &[Worker<'_>],
+    workers: impl Iterator<Item = MutexGuard<'w, Worker>>,
     wall_seconds: f64,
 ) -> RenderStats {
     let mut stats = RenderStats {
@@ -432,7 +574,7 @@ fn summarise(
                 stats.rejected_by_stage.add(&counters.rejected);
                 stats.truncated += counters.truncated;
             }
-            Tracer::Reference { counts, .. } => {
+            Tracer::Reference { counts } => {
                 stats.camera_rays += counts.camera;
                 stats.bounce_rays += counts.bounce;
                 stats.shadow_rays += counts.shadow;
@@ -455,7 +597,7 @@ fn summarise(
             .map_or(0, |last| last + 1);
         depths.truncate(used);
         stats.depths = depths;
-        stats.bytes_per_path = Wave::bytes_per_path(scene.features);
+        stats.bytes_per_path = Wave::bytes_per_path(scene.features, scene.branching);
         // Wall time per step, scaled to the CPU time of the workers: the machine may be shared.
         let measured: f64 = clock
             .time

@@ -122,6 +122,8 @@ impl Plan {
         );
         stage("roulette", true);
 
+        let branching = scene.branching;
+        let samples = branching.light_samples as usize;
         let has = |needs: Features| usize::from(features.intersects(needs));
         let index_queues = (0..MaterialKind::COUNT)
             .map(|kind| has(material_feature(kind)))
@@ -129,11 +131,21 @@ impl Plan {
             + has(Features::LIGHT_FLAT | Features::LIGHT_SPHERE)
             + has(Features::BACKGROUND);
         plan.queues = vec![
-            queue("rays, and next rays", 2, RayQueue::COLUMNS, features),
-            queue("hits", 1, HitQueue::COLUMNS, features),
+            queue(
+                "rays, and next rays",
+                1 + branching.next_per_ray(),
+                RayQueue::COLUMNS,
+                features,
+            ),
+            queue(
+                "hits",
+                if transparent { samples } else { 1 },
+                HitQueue::COLUMNS,
+                features,
+            ),
             queue(
                 "shadow rays",
-                has(Features::SHADOW_RAYS) + has(Features::TRANSPARENT_SHADOWS),
+                samples * (has(Features::SHADOW_RAYS) + has(Features::TRANSPARENT_SHADOWS)),
                 ShadowQueue::COLUMNS,
                 features,
             ),
@@ -144,7 +156,7 @@ impl Plan {
                 features,
             ),
         ];
-        plan.bytes_per_path = Wave::bytes_per_path(features);
+        plan.bytes_per_path = Wave::bytes_per_path(features, branching);
         plan
     }
 }

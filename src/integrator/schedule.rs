@@ -1,6 +1,9 @@
 //! Rounds, blocks and tiles: in which order a render's work items exist, and when it ends.
 
+use super::adaptive::Adaptive;
 use crate::compile::{TILE, WorkItem};
+use crate::error::Result;
+use crate::film::Film;
 use crate::scene::{Budget, RenderSettings};
 
 /// The blocks of a render: block b is the same for every budget of its kind, however it ends.
@@ -33,6 +36,45 @@ impl Blocks {
                 growing: true,
                 total: None,
             },
+        }
+    }
+
+    /// The blocks of each half of a render that places samples adaptively. They have no end, as one tile has
+    /// more of them than another; a given sample count makes at least eight of a half's mean.
+    pub fn of_half(settings: &RenderSettings) -> Self {
+        match settings.budget {
+            Budget::Samples(total) => {
+                let sixteenth = u32::try_from(total / 16).unwrap_or(u32::MAX);
+                Self {
+                    full: settings.block.min(sixteenth).max(1),
+                    growing: false,
+                    total: None,
+                }
+            }
+            Budget::Seconds(_) | Budget::Error(_) => Self::new(settings),
+        }
+    }
+
+    /// Samples in the first `count` blocks of a render without end.
+    pub fn samples(&self, count: u64) -> u64 {
+        self.get(count).map_or(0, |(first, _)| first)
+    }
+
+    /// How many blocks come closest to `samples` in a render without end, the fewer if two do.
+    pub fn count(&self, samples: f64) -> u64 {
+        let (mut low, mut high) = (0, samples as u64 + 1);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if (self.samples(middle) as f64) < samples {
+                low = middle + 1;
+            } else {
+                high = middle;
+            }
+        }
+        let missing = |count: u64| (self.samples(count) as f64 - samples).abs();
+        match low.checked_sub(1) {
+            Some(fewer) if missing(fewer) <= missing(low) => fewer,
+            _ => low,
         }
     }
 
@@ -82,6 +124,12 @@ impl Tiles {
         self.width.div_ceil(TILE) as usize * self.height.div_ceil(TILE) as usize
     }
 
+    /// Number of the tile of a work item.
+    pub fn index(&self, item: &WorkItem) -> usize {
+        let across = self.width.div_ceil(TILE) as usize;
+        (item.y / TILE) as usize * across + (item.x / TILE) as usize
+    }
+
     /// The work item of a tile and a block.
     pub fn item(&self, tile: usize, block: u64, (first_sample, samples): (u64, u32)) -> WorkItem {
         let across = self.width.div_ceil(TILE) as usize;
@@ -95,6 +143,73 @@ impl Tiles {
             block,
             first_sample,
             samples,
+        }
+    }
+}
+
+/// Which work items exist, round by round. Within a round each half of each tile belongs to at most one work
+/// item.
+#[derive(Debug)]
+pub enum Schedule {
+    /// A round is one block of every tile.
+    Uniform {
+        /// The blocks.
+        blocks: Blocks,
+        /// The tiles.
+        tiles: Tiles,
+        /// Block of the next round.
+        block: u64,
+    },
+    /// More blocks for some tiles than for others.
+    Adaptive(Adaptive),
+}
+
+impl Schedule {
+    /// The schedule of a render with these settings.
+    ///
+    /// # Errors
+    /// If the settings ask for an adaptive render of too few samples.
+    pub fn new(settings: &RenderSettings, tiles: Tiles) -> Result<Self> {
+        Ok(if settings.adaptive {
+            Self::Adaptive(Adaptive::new(settings, tiles)?)
+        } else {
+            Self::Uniform {
+                blocks: Blocks::new(settings),
+                tiles,
+                block: 0,
+            }
+        })
+    }
+
+    /// Samples of the largest block.
+    pub fn largest_block(&self) -> u32 {
+        match self {
+            Self::Uniform { blocks, .. } => blocks.largest(),
+            Self::Adaptive(adaptive) => adaptive.largest_block(),
+        }
+    }
+
+    /// The work items of the next round; none when the render is complete.
+    pub fn round(&mut self) -> Vec<WorkItem> {
+        match self {
+            Self::Uniform {
+                blocks,
+                tiles,
+                block,
+            } => blocks.get(*block).map_or_else(Vec::new, |samples| {
+                (0..tiles.count())
+                    .map(|tile| tiles.item(tile, *block, samples))
+                    .collect()
+            }),
+            Self::Adaptive(adaptive) => adaptive.round(),
+        }
+    }
+
+    /// Notes that all items of the round are in the film.
+    pub fn finished(&mut self, items: &[WorkItem], film: &Film) {
+        match self {
+            Self::Uniform { block, .. } => *block += 1,
+            Self::Adaptive(adaptive) => adaptive.finished(items, film),
         }
     }
 }
@@ -149,12 +264,30 @@ mod tests {
     }
 
     #[test]
+    fn counts_of_blocks_come_closest_to_their_samples() {
+        let settings = |block| RenderSettings {
+            budget: Budget::Error(0.1),
+            block,
+            ..RenderSettings::default()
+        };
+        for block in [1, 6, 16] {
+            let blocks = Blocks::of_half(&settings(block));
+            for samples in 0..200 {
+                let count = blocks.count(f64::from(samples));
+                let missing = |n| (blocks.samples(n) as f64 - f64::from(samples)).abs();
+                assert!((0..200).all(|n| missing(n) >= missing(count)), "{samples}");
+            }
+        }
+    }
+
+    #[test]
     fn tiles_cover_every_pixel_once() {
         for (width, height) in [(1, 1), (16, 16), (17, 31), (200, 5)] {
             let tiles = Tiles::new(width, height);
             let mut seen = vec![0; (width * height) as usize];
             for tile in 0..tiles.count() {
-                let item = tiles.item(tile, 0, (0, 1));
+                let item = tiles.item(tile, 0, (0, 1)).in_half(tile % 2);
+                assert_eq!((tiles.index(&item), item.half()), (tile, tile % 2));
                 for pixel in 0..item.pixels() {
                     seen[item.image_index(pixel)] += 1;
                 }

@@ -19,7 +19,7 @@ struct Visibility {
 }
 
 /// Share of strategy `a` in the power heuristic for two strategies (Veach 1997, 9.2.4), densities
-/// in the same measure. As a ratio it neither overflows nor underflows.
+/// times numbers of samples in the same measure. As a ratio it neither overflows nor underflows.
 pub(super) fn power_heuristic(a: f64, b: f64) -> f64 {
     if a > b {
         1.0 / (1.0 + (b / a).powi(2))
@@ -30,10 +30,26 @@ pub(super) fn power_heuristic(a: f64, b: f64) -> f64 {
 }
 
 impl Reference {
-    /// Radiance towards the unit vector `wo` by one shadow ray to one light. With
-    /// `shares_with_directions` it is the part that multiple importance sampling leaves to light
-    /// sampling, else all of it.
+    /// Radiance towards the unit vector `wo`: the mean over the light samples, each a shadow ray to one
+    /// light. With `shares_with_directions` it is the part that multiple importance sampling leaves to
+    /// light sampling, else all of it.
     pub(super) fn direct_light(
+        &self,
+        vertex: &Vertex,
+        lobe: &Lobe,
+        wo: DVec3,
+        shares_with_directions: bool,
+        random: &mut Random,
+        counts: &mut RayCounts,
+    ) -> DVec3 {
+        let sum: DVec3 = (0..self.light_samples)
+            .map(|_| self.light_sample(vertex, lobe, wo, shares_with_directions, random, counts))
+            .sum();
+        sum / f64::from(self.light_samples)
+    }
+
+    /// One of the samples of [`Self::direct_light`].
+    fn light_sample(
         &self,
         vertex: &Vertex,
         lobe: &Lobe,
@@ -55,7 +71,8 @@ impl Reference {
         counts.shadow += 1;
         let visibility = self.visibility(vertex, &light);
         let weight = if shares_with_directions && !light.is_delta && !visibility.through_glass {
-            power_heuristic(light.pdf, lobe.pdf(vertex.normal, wo, light.direction))
+            let expected = light.pdf * f64::from(self.light_samples);
+            power_heuristic(expected, lobe.pdf(vertex.normal, wo, light.direction))
         } else {
             1.0
         };

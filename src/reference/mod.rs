@@ -14,6 +14,8 @@
 //!   there were none, and counts a segment. Emission is not reduced. Shadow rays are blocked by what
 //!   is not fully opaque, which is why light found straight on counts in full.
 //! - Radiance that crosses into glass is scaled by the squared ratio of the refraction indices.
+//! - Until it meets anything but mirrors and glass, a path may split at glass as often as is set. Of several
+//!   light samples at a hit the mean counts.
 //! - Russian roulette ends paths from a chosen depth on, whatever scatters.
 //! - With transparent shadows a shadow ray goes straight through glass and loses at each crossing
 //!   what would be reflected there. Light found by refraction alone after a surface that sampled
@@ -26,6 +28,7 @@
 
 mod appearance;
 mod bsdf;
+mod closed_form;
 mod direct;
 mod flatten;
 mod light;
@@ -40,6 +43,7 @@ mod whitted;
 use glam::DVec3;
 
 use self::appearance::Appearance;
+pub use self::closed_form::closed_form_image;
 use self::flatten::{Surface, Tables};
 use self::light::{Lights, Vertex};
 use self::primitives::{Hit, POSITION_ERROR, PatchId, Primitives, Ray};
@@ -72,6 +76,8 @@ pub struct Reference {
     seed: u64,
     max_depth: u32,
     roulette_depth: u32,
+    light_samples: u32,
+    glass_splits: u32,
     transparent_shadows: bool,
     /// Replaces the error bound of points that rays leave.
     shadow_bias: Option<f64>,
@@ -138,6 +144,8 @@ impl Reference {
             seed: settings.seed,
             max_depth: settings.max_depth.unwrap_or(u32::MAX),
             roulette_depth: settings.roulette_depth,
+            light_samples: settings.light_samples,
+            glass_splits: settings.glass_splits,
             transparent_shadows: settings.transparent_shadows,
             shadow_bias: settings.shadow_bias,
         })
@@ -316,6 +324,7 @@ mod tests {
             }],
             point_lights: Vec::new(),
             background: DVec3::ZERO,
+            closed_form: None,
             render: RenderDefaults::default(),
             mesh_files: Vec::new(),
             warnings: Vec::new(),

@@ -7,10 +7,12 @@ use super::direct::power_heuristic;
 use super::light::{Vertex, emitted};
 use super::primitives::{Hit, Ray};
 use super::random::Random;
+use super::specular::Branch;
 use super::{RayCounts, Reference};
 use crate::scene::Strategy;
 
 /// How much of the emission that a ray meets counts.
+#[derive(Clone, Copy)]
 enum EmissionWeight {
     /// All of it: light sampling could not find it.
     Full,
@@ -21,20 +23,61 @@ enum EmissionWeight {
     Zero,
 }
 
+/// A ray and what led to it.
+struct Path {
+    ray: Ray,
+    /// Segment number of the ray.
+    depth: u32,
+    throughput: DVec3,
+    /// Product of the refraction indices' ratios.
+    eta_scale: f64,
+    emission_weight: EmissionWeight,
+    /// Times that glass may still split it.
+    splits: u32,
+}
+
 impl Reference {
     /// Radiance that arrives against `ray`.
     pub(super) fn path_radiance(
         &self,
-        mut ray: Ray,
+        ray: Ray,
         random: &mut Random,
         counts: &mut RayCounts,
     ) -> DVec3 {
         let mut radiance = DVec3::ZERO;
-        let mut throughput = DVec3::ONE;
-        let mut eta_scale = 1.0;
-        let mut emission_weight = EmissionWeight::Full;
+        let mut branches = vec![Path {
+            ray,
+            depth: 1,
+            throughput: DVec3::ONE,
+            eta_scale: 1.0,
+            emission_weight: EmissionWeight::Full,
+            splits: self.glass_splits,
+        }];
+        while let Some(path) = branches.pop() {
+            radiance += self.follow_path(path, &mut branches, random, counts);
+        }
+        radiance
+    }
 
-        for depth in 1..=self.max_depth {
+    /// Radiance that a path finds, times its throughput, without that of the branches which it leaves
+    /// to be followed.
+    fn follow_path(
+        &self,
+        path: Path,
+        branches: &mut Vec<Path>,
+        random: &mut Random,
+        counts: &mut RayCounts,
+    ) -> DVec3 {
+        let Path {
+            mut ray,
+            depth: first,
+            mut throughput,
+            mut eta_scale,
+            mut emission_weight,
+            mut splits,
+        } = path;
+        let mut radiance = DVec3::ZERO;
+        for depth in first..=self.max_depth {
             let Some(hit) = self.trace(&ray, depth, counts) else {
                 let share = self.share(&emission_weight, self.background_light, &ray, None);
                 let found = throughput * self.background * share;
@@ -66,6 +109,7 @@ impl Reference {
                 match &appearance.bsdf {
                     None => return radiance,
                     Some(Bsdf::Lobe(lobe)) => {
+                        splits = 0;
                         let vertex = self.vertex(&hit, &appearance);
                         let wo = -ray.direction;
                         let shares = self.strategy == Strategy::Mis;
@@ -86,20 +130,38 @@ impl Reference {
                         wi
                     }
                     Some(Bsdf::Specular(specular)) => {
-                        let outward = appearance.outward(&hit);
-                        let branch = specular.split(ray.direction, outward).choose(random);
+                        let split = specular.split(ray.direction, appearance.outward(&hit));
+                        // Light that transparent shadow rays have brought is not counted again.
+                        let brought = self.transparent_shadows
+                            && surface.is_opaque()
+                            && !matches!(emission_weight, EmissionWeight::Full);
+                        let weight_beyond = |branch: &Branch| match branch.is_refracted && brought {
+                            true => EmissionWeight::Zero,
+                            false => EmissionWeight::Full,
+                        };
+                        let branch = match split.refracted {
+                            Some(refracted) if splits > 0 && split.reflectance > 0.0 => {
+                                splits -= 1;
+                                let reflected = split.reflected.with_share(split.reflectance);
+                                let throughput = throughput * reflected.weight;
+                                let survival = self.roulette(throughput, eta_scale, depth, random);
+                                if survival > 0.0 && appearance.same_side(reflected.direction) {
+                                    branches.push(Path {
+                                        ray: self.spawn(&hit, reflected.direction),
+                                        depth: depth + 1,
+                                        throughput: throughput * survival,
+                                        eta_scale,
+                                        emission_weight: weight_beyond(&reflected),
+                                        splits,
+                                    });
+                                }
+                                refracted.with_share(1.0 - split.reflectance)
+                            }
+                            _ => split.choose(random),
+                        };
                         throughput *= branch.weight;
                         eta_scale *= branch.eta;
-                        emission_weight = match emission_weight {
-                            EmissionWeight::Shared(..) | EmissionWeight::Zero
-                                if self.transparent_shadows
-                                    && branch.is_refracted
-                                    && surface.is_opaque() =>
-                            {
-                                EmissionWeight::Zero
-                            }
-                            _ => EmissionWeight::Full,
-                        };
+                        emission_weight = weight_beyond(&branch);
                         if !appearance.same_side(branch.direction) {
                             return radiance;
                         }
@@ -131,7 +193,8 @@ impl Reference {
             (EmissionWeight::Full, _) | (_, None) => 1.0,
             (EmissionWeight::Zero, _) => 0.0,
             (EmissionWeight::Shared(vertex, pdf), Some(light)) => {
-                power_heuristic(*pdf, self.lights.pdf(light, vertex, ray.direction, hit))
+                let light_pdf = self.lights.pdf(light, vertex, ray.direction, hit);
+                power_heuristic(*pdf, light_pdf * f64::from(self.light_samples))
             }
         }
     }

@@ -84,6 +84,16 @@ impl Bsdf {
     }
 }
 
+impl Branch {
+    /// The branch with its share in its weight.
+    pub(super) fn with_share(self, share: f64) -> Self {
+        Self {
+            weight: self.weight * share,
+            ..self
+        }
+    }
+}
+
 impl Split {
     /// One branch with its share as its probability.
     pub(super) fn choose(&self, random: &mut Random) -> Branch {

@@ -2,6 +2,7 @@
 
 pub mod accels;
 mod clock;
+pub mod converge;
 mod load;
 mod machine;
 mod summary;
@@ -88,6 +89,10 @@ pub struct ResultReport {
     pub mean_samples: f64,
     /// [`Film::relative_error`], as a fraction.
     pub relative_error: Option<f64>,
+    /// Bounds of the true relative error, met with a probability of about 95 %; see
+    /// [`Film::error_estimate`].
+    #[serde(default)]
+    pub relative_error_interval: Option<[f64; 2]>,
     /// What makes the image differ from the full solution on average, in words; empty if nothing does.
     pub bias: Vec<String>,
     /// Contributions that were not finite or negative and were left out; 0 in a healthy render.
@@ -263,6 +268,7 @@ impl RenderReport {
             images,
         } = input;
         let rays = stats.rays();
+        let error = film.error_estimate();
         Self {
             format: FORMAT,
             build: Build::current(),
@@ -276,7 +282,8 @@ impl RenderReport {
                 min_samples: film.min_samples(),
                 max_samples: film.max_samples(),
                 mean_samples: ratio(film.total_samples() as f64, film.len() as f64),
-                relative_error: film.relative_error(),
+                relative_error: error.map(|error| error.estimate),
+                relative_error_interval: error.map(|error| error.interval),
                 bias: bias(settings, stats),
                 rejected: stats.rejected,
                 rejected_by_stage: stats.rejected_by_stage,
@@ -313,7 +320,8 @@ impl RenderReport {
             },
             memory: MemoryReport {
                 peak_bytes: peak_memory(),
-                film_bytes: Film::bytes(film.width(), film.height(), film.has_aux()),
+                film_bytes: film.halves() as u64
+                    * Film::bytes(film.width(), film.height(), film.has_aux()),
             },
         }
     }

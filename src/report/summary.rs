@@ -35,9 +35,14 @@ impl RenderReport {
             scene.height,
             result.samples_per_pixel(),
         )?;
-        let error = match result.relative_error {
-            Some(error) => format!("estimated relative error {:.3} %", 100.0 * error),
-            None => "no error estimate (it takes two blocks at every pixel)".to_owned(),
+        let error = match (result.relative_error, result.relative_error_interval) {
+            (Some(error), Some([low, high])) => format!(
+                "estimated relative error {:.3} %, 95 % interval {:.3} to {:.3} %",
+                100.0 * error,
+                100.0 * low,
+                100.0 * high
+            ),
+            _ => "no error estimate (it takes two blocks at every pixel)".to_owned(),
         };
         writeln!(f, "{error}; ended by {}", self.end())?;
         for bias in &result.bias {
@@ -58,6 +63,19 @@ impl RenderReport {
             name(settings.sampler),
             settings.roulette_depth,
         )?;
+        let mut extras = Vec::new();
+        if settings.light_samples > 1 {
+            extras.push(format!("{} light samples per hit", settings.light_samples));
+        }
+        if settings.glass_splits > 0 {
+            extras.push(format!("{} splits at glass", settings.glass_splits));
+        }
+        if settings.adaptive {
+            extras.push("adaptive sampling".to_owned());
+        }
+        if !extras.is_empty() {
+            writeln!(f, "{}", extras.join(", "))?;
+        }
         writeln!(
             f,
             "seed {}, {} threads, wave {}, block {}, {} lanes",

@@ -4,9 +4,11 @@
 //! unchanged: [`CAMERA_DIMENSIONS`] for the camera, then [`BOUNCE_DIMENSIONS`] for each hit.
 
 pub mod pcg;
+pub mod sobol;
 pub mod stratified;
 
 pub use pcg::Pcg32s;
+pub use sobol::Sobol;
 pub use stratified::Strata;
 
 /// Dimensions 0 and 1: position in the pixel.

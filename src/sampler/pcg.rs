@@ -129,10 +129,22 @@ impl Pcg32s {
     #[inline(always)]
     #[must_use]
     pub fn branch(self) -> Self {
+        self.salted(0xd1b5_4a32_d192_ed03)
+    }
+
+    /// Generators unrelated to these and to those of any other `i` ≥ 1, for another use of the same
+    /// dimensions.
+    #[inline(always)]
+    #[must_use]
+    pub fn fork(self, i: u32) -> Self {
+        self.salted(u64::from(i).wrapping_mul(0x9e37_79b9_7f4a_7c15))
+    }
+
+    /// Generators at a hash of these states and `salt`.
+    #[inline(always)]
+    fn salted(self, salt: u64) -> Self {
         Self {
-            state: self
-                .state
-                .map(|s| mix(s ^ u64x8::splat(0xd1b5_4a32_d192_ed03))),
+            state: self.state.map(|s| mix(s ^ u64x8::splat(salt))),
         }
     }
 }
@@ -181,11 +193,12 @@ mod tests {
         // Means of products of centred uniforms; the standard error of each is 1/(12·√n).
         let n = 1 << 18;
         let lanes = (0..n / LANES as u32).map(|i| U32s::splat(i * LANES as u32) + iota());
-        let mut sums = [0.0f64; 3];
+        let mut sums = [0.0f64; 5];
         for pixel in lanes {
             let mut a = Pcg32s::for_paths(0, pixel, 0, U32s::splat(0));
             let mut b = Pcg32s::for_paths(0, pixel + U32s::splat(1), 0, U32s::splat(0));
             let mut c = Pcg32s::for_paths(0, pixel, 1, U32s::splat(0));
+            let [d0, e0] = [1, 2].map(|i| a.fork(i).next_f32().to_array());
             let (a0, a1) = (a.next_f32().to_array(), a.next_f32().to_array());
             let (b0, c0) = (b.next_f32().to_array(), c.next_f32().to_array());
             for i in 0..LANES {
@@ -193,6 +206,8 @@ mod tests {
                 sums[0] += centred(a1[i]) * centred(b0[i]);
                 sums[1] += centred(a0[i]) * centred(c0[i]);
                 sums[2] += centred(a0[i]) * centred(a1[i]);
+                sums[3] += centred(a0[i]) * centred(d0[i]);
+                sums[4] += centred(d0[i]) * centred(e0[i]);
             }
         }
         let standard_error = (f64::from(n)).sqrt() / 12.0;

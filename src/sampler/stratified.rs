@@ -11,8 +11,8 @@ use crate::math::lanes::{F32s, U32s, to_f32};
 /// Strata of LANES samples.
 #[derive(Debug, Clone, Copy)]
 pub struct Strata {
-    /// k: the block has 2^k strata.
-    log2: u32,
+    /// Samples of the block.
+    samples: u32,
     /// The sample's number within its block.
     sample: U32s,
     /// Hash of (seed, pixel, block).
@@ -35,18 +35,36 @@ impl Strata {
         let seed = U32s::splat(fold(seed).wrapping_mul(0x9e37_79b9));
         let block = U32s::splat(fold(block).wrapping_mul(0x85eb_ca6b));
         Self {
-            log2: samples.next_power_of_two().trailing_zeros(),
+            samples,
             sample,
             key: mix(mix(pixel ^ seed) ^ block),
+        }
+    }
+
+    /// k: the block has 2^k strata.
+    #[inline(always)]
+    fn log2(&self) -> u32 {
+        self.samples.next_power_of_two().trailing_zeros()
+    }
+
+    /// Strata of sample `i` of `count` that each sample takes, as one of a block `count` times as large;
+    /// at most 2^12 samples in all.
+    #[inline(always)]
+    #[must_use]
+    pub fn refined(&self, count: u32, i: u32) -> Self {
+        Self {
+            samples: self.samples * count,
+            sample: self.sample * U32s::splat(count) + U32s::splat(i),
+            ..*self
         }
     }
 
     /// The sample's stratum in `dimension`, in 0 .. 2^k.
     #[inline(always)]
     fn stratum(&self, dimension: U32s) -> U32s {
-        let mask = U32s::splat((1 << self.log2) - 1);
+        let mask = U32s::splat((1 << self.log2()) - 1);
         let keys = mix(self.key ^ (dimension * U32s::splat(0x9e37_79b1)));
-        let half = self.log2.div_ceil(2);
+        let half = self.log2().div_ceil(2);
         // Bijections of k bits: add, multiply by an odd number, fold down; at last the exclusive-or.
         let x = (self.sample + keys) & mask;
         let x = (x * ((keys >> 6) | U32s::splat(1))) & mask;
@@ -59,15 +77,15 @@ impl Strata {
     /// One number from a uniform jitter `u`.
     #[inline(always)]
     pub fn one(&self, dimension: U32s, u: F32s) -> F32s {
-        let scale = F32s::splat(1.0 / (1 << self.log2) as f32);
+        let scale = F32s::splat(1.0 / (1 << self.log2()) as f32);
         below_one((to_f32(self.stratum(dimension)) + u) * scale)
     }
 
     /// A pair from uniform jitters `u`, `v`.
     #[inline(always)]
     pub fn pair(&self, dimension: U32s, [u, v]: [F32s; 2]) -> [F32s; 2] {
-        let columns = self.log2.div_ceil(2);
-        let rows = self.log2 - columns;
+        let columns = self.log2().div_ceil(2);
+        let rows = self.log2() - columns;
         let stratum = self.stratum(dimension);
         let (column, row) = (
             stratum & U32s::splat((1 << columns) - 1),
@@ -123,6 +141,24 @@ mod tests {
                 }
                 assert!(seen.iter().all(|&n| n == 1), "{samples} samples: {seen:?}");
             }
+        }
+    }
+
+    #[test]
+    fn several_numbers_per_sample_fill_the_strata_of_all_together() {
+        for count in [2, 4, 16] {
+            let mut seen = vec![0; 16 * count as usize];
+            for i in 0..count {
+                for chunk in 0..16u32.div_ceil(LANES as u32) {
+                    let sample = iota() + U32s::splat(chunk * LANES as u32);
+                    let strata = Strata::new(3, U32s::splat(5), 9, 16, sample).refined(count, i);
+                    let u = strata.one(U32s::splat(2), F32s::splat(0.5)).to_array();
+                    for lane in 0..LANES.min(16) {
+                        seen[(u[lane] * (16 * count) as f32) as usize] += 1;
+                    }
+                }
+            }
+            assert!(seen.iter().all(|&n| n == 1), "{count}: {seen:?}");
         }
     }
 

@@ -34,7 +34,15 @@ pub enum SamplerKind {
     Independent,
     /// Jittered strata within each block of samples of a pixel.
     Stratified,
+    /// Sobol's sequence in pairs of dimensions with Owen's scrambling, over all samples of a pixel.
+    Sobol,
 }
+
+/// Most light samples per hit.
+pub const MOST_LIGHT_SAMPLES: u32 = 64;
+
+/// Most splits of a path at glass: it may become 2 to this power of rays.
+pub const MOST_GLASS_SPLITS: u32 = 8;
 
 /// Which acceleration structure answers ray queries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, clap::ValueEnum)]
@@ -98,6 +106,10 @@ pub struct RenderDefaults {
     pub max_depth: Option<u32>,
     /// First depth (in segments already traced) at which roulette may end a path.
     pub roulette_depth: Option<u32>,
+    /// Light samples per hit, 1 ..= [`MOST_LIGHT_SAMPLES`].
+    pub light_samples: Option<u32>,
+    /// Splits at glass per path, 0 ..= [`MOST_GLASS_SPLITS`].
+    pub glass_splits: Option<u32>,
     /// Shadow rays pass straight through glass, weighted by its transmittance (biased).
     pub transparent_shadows: Option<bool>,
     /// Secondary rays start this far off their surface, in scene units, ≥ 0, instead of where rounding
@@ -105,9 +117,23 @@ pub struct RenderDefaults {
     pub shadow_bias: Option<f64>,
     /// Largest radiance of a camera sample's brightest channel, > 0; brighter samples are darkened to it (biased).
     pub clamp: Option<f64>,
+    /// More samples where the error is large.
+    pub adaptive: Option<bool>,
     /// Seed.
     pub seed: Option<u64>,
+    /// Paths in flight per worker, 1 ..= [`MAX_WAVE`].
+    pub wave: Option<usize>,
+    /// Samples per pixel in one block, 1 ..= [`MAX_BLOCK`].
+    pub block: Option<u32>,
+    /// Run the kernels that can do everything.
+    pub force_features: Option<bool>,
 }
+
+/// Most paths in flight per thread: a few GiB of queues.
+pub const MAX_WAVE: usize = 1 << 24;
+
+/// Most samples per block: the film sums a block in f32 before it adds it in f64.
+pub const MAX_BLOCK: u32 = 64;
 
 /// Everything that a render's picture depends on beside the scene and the budget.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -136,6 +162,13 @@ pub struct RenderSettings {
     pub max_depth: Option<u32>,
     /// First depth (in segments already traced) at which roulette may end a path.
     pub roulette_depth: u32,
+    /// Light samples, each with a shadow ray, at every hit that scatters other than as a mirror or glass;
+    /// 1 ..= [`MOST_LIGHT_SAMPLES`].
+    pub light_samples: u32,
+    /// How often a path that has met nothing but mirrors and glass follows both what glass reflects and what
+    /// it refracts, before it chooses one at random; 0 ..= [`MOST_GLASS_SPLITS`]. Whitted's method has a
+    /// number of its own.
+    pub glass_splits: u32,
     /// Shadow rays pass straight through glass, weighted by its transmittance (biased).
     pub transparent_shadows: bool,
     /// Secondary rays start this far off their surface, in scene units, ≥ 0, and may hit it again, as in renderers
@@ -145,6 +178,8 @@ pub struct RenderSettings {
     /// Largest radiance of a camera sample's brightest channel, > 0; brighter samples are darkened to it (biased).
     /// `None` is no limit.
     pub clamp: Option<f64>,
+    /// Give tiles with larger estimated error more samples; see [`crate::integrator::adaptive`].
+    pub adaptive: bool,
     /// Also accumulate albedo, normal and depth of the first hit.
     pub aux: bool,
     /// Run the kernels that can do everything, though the scene does not need them. Does not change the picture.
@@ -166,9 +201,12 @@ impl Default for RenderSettings {
             block: 16,
             max_depth: None,
             roulette_depth: 5,
+            light_samples: 1,
+            glass_splits: 0,
             transparent_shadows: false,
             shadow_bias: None,
             clamp: None,
+            adaptive: false,
             aux: false,
             force_features: false,
         }
@@ -188,12 +226,18 @@ impl RenderSettings {
             budget: defaults.spp.map_or(base.budget, Budget::Samples),
             max_depth: defaults.max_depth.or(base.max_depth),
             roulette_depth: defaults.roulette_depth.unwrap_or(base.roulette_depth),
+            light_samples: defaults.light_samples.unwrap_or(base.light_samples),
+            glass_splits: defaults.glass_splits.unwrap_or(base.glass_splits),
             transparent_shadows: defaults
                 .transparent_shadows
                 .unwrap_or(base.transparent_shadows),
             shadow_bias: defaults.shadow_bias,
             clamp: defaults.clamp,
+            adaptive: defaults.adaptive.unwrap_or(base.adaptive),
             seed: defaults.seed.unwrap_or(base.seed),
+            wave: defaults.wave.unwrap_or(base.wave),
+            block: defaults.block.unwrap_or(base.block),
+            force_features: defaults.force_features.unwrap_or(base.force_features),
             ..base
         }
     }

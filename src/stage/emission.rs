@@ -2,7 +2,7 @@
 
 use crate::compile::{CompiledScene, Features};
 use crate::math::Compare;
-use crate::math::lanes::{Mask, U32s};
+use crate::math::lanes::{F32s, Mask, U32s};
 use crate::scene::Strategy;
 use crate::wave::state;
 
@@ -20,6 +20,17 @@ pub(super) fn emission_counts<const F: u32>(scene: &CompiledScene, ray_state: U3
         counts = counts & !has(ray_state, state::THROUGH_GLASS);
     }
     counts
+}
+
+/// Expected number of a hit's light samples per unit of solid angle, of which each has density `pdf`: what
+/// multiple importance sampling weighs against the one sampled direction (Veach 1997, section 9.2.2).
+#[inline(always)]
+pub(super) fn expected_samples<const F: u32>(scene: &CompiledScene, pdf: F32s) -> F32s {
+    if scene.on::<F>(Features::LIGHT_SAMPLES) {
+        pdf * F32s::splat(scene.branching.light_samples as f32)
+    } else {
+        pdf
+    }
 }
 
 /// Whether the rays come from a delta lobe or the camera.

@@ -1,23 +1,26 @@
 //! work item → rays: camera rays with jitter inside the pixel.
 
+use super::numbers::Numbers;
 use crate::compile::{CompiledScene, Features, WorkItem};
 use crate::geometry::PrimitiveId;
 use crate::math::Vec3s;
 use crate::math::lanes::{F32s, LANES, U32s, iota, store, store_u32, to_f32};
-use crate::sampler::{CAMERA_DIMENSIONS, Pcg32s, Strata};
+use crate::sampler::{CAMERA_DIMENSIONS, Pcg32s};
 use crate::wave::{Wave, state};
 
 /// Starts paths of `item` until the wave is full or the item has no more.
 ///
-/// With splitting (Whitted's transport) paths start only in an empty wave, as many as have room
-/// to split.
+/// Where paths may split at glass, only as many start as have room for all their rays.
 pub(super) fn generate<const F: u32>(scene: &CompiledScene, item: &WorkItem, wave: &mut Wave) {
     let whitted = scene.on::<F>(Features::WHITTED);
-    let room = match (whitted, wave.rays.len) {
-        (false, len) => wave.capacity - len,
-        (true, 0) => (wave.capacity >> state::MOST_SPLITS).max(1),
-        (true, _) => 0,
+    let splits = scene.branching.splits;
+    let taken = if splits == 0 {
+        wave.rays.len
+    } else {
+        let states = &wave.rays.state[..wave.rays.len];
+        states.iter().map(|&s| state::most_rays(s)).sum()
     };
+    let room = (wave.capacity - taken) >> splits;
     let count = room.min((item.paths() - wave.next_path) as usize);
     let rays = &mut wave.rays;
     for start in (0..count).step_by(LANES) {
@@ -29,16 +32,7 @@ pub(super) fn generate<const F: u32>(scene: &CompiledScene, item: &WorkItem, wav
         let jitter = if whitted {
             [F32s::splat(0.5); 2]
         } else {
-            let jitter = {
-                let mut r = random;
-                [r.next_f32(), r.next_f32()]
-            };
-            if scene.on::<F>(Features::STRATIFIED) {
-                Strata::new(scene.seed, pixel, item.block, item.samples, sample)
-                    .pair(U32s::splat(0), jitter)
-            } else {
-                jitter
-            }
+            Numbers::of_camera::<F>(scene, item, random, pixel, sample).pair::<0>()
         };
         random = random.skip::<CAMERA_DIMENSIONS>();
         let direction = scene
@@ -52,7 +46,8 @@ pub(super) fn generate<const F: u32>(scene: &CompiledScene, item: &WorkItem, wav
         );
         rays.set_throughput(at, Vec3s::splat([1.0; 3]));
         store_u32(&mut rays.path, at, path);
-        store_u32(&mut rays.state, at, U32s::splat(1 | state::SPECULAR));
+        let start = (1 | state::SPECULAR) + splits * state::SPLIT;
+        store_u32(&mut rays.state, at, U32s::splat(start));
         rays.random[at..at + LANES].copy_from_slice(&random.states());
         if scene.on::<F>(Features::MIS) {
             store(&mut rays.pdf, at, F32s::splat(0.0));

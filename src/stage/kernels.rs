@@ -55,6 +55,9 @@ const IN_CODE: Features = Features::TRIANGLES
     .with(Features::SHADOW_RAYS)
     .with(Features::MIS)
     .with(Features::STRATIFIED)
+    .with(Features::SOBOL)
+    .with(Features::LIGHT_SAMPLES)
+    .with(Features::GLASS_SPLITS)
     .with(Features::WHITTED)
     .with(Features::TRANSPARENT_SHADOWS)
     .with(Features::SHADOW_BIAS);

@@ -8,6 +8,7 @@ mod emission;
 mod generate;
 mod intersect;
 pub mod kernels;
+mod numbers;
 mod record_aux;
 mod roulette;
 mod shade;

@@ -3,7 +3,8 @@
 //! A specular material has no light sampling in it at all.
 
 use super::appearance::{opacity, reflectance_factor, shading_normal};
-use super::emission::has;
+use super::emission::{expected_samples, has};
+use super::numbers::Numbers;
 use super::surface::{
     Surface, gather_rays, gather_throughput, leave, left_behind, material, surface,
 };
@@ -15,7 +16,7 @@ use crate::math::lanes::{
     store, store_u32,
 };
 use crate::math::{Compare, Frame, Vec3s, mis};
-use crate::sampler::{BOUNCE_DIMENSIONS, CAMERA_DIMENSIONS, Dimension, Pcg32s, Strata};
+use crate::sampler::{Dimension, Pcg32s};
 use crate::scene::Strategy;
 use crate::wave::{Wave, count_depths, keep_sound, state};
 
@@ -62,28 +63,6 @@ struct Onward {
     state: U32s,
 }
 
-/// Strata of the chunk's samples with the first dimension of the hit, if sampling is stratified.
-#[derive(Clone, Copy)]
-struct HitStrata(Option<(Strata, U32s)>);
-
-impl HitStrata {
-    #[inline(always)]
-    fn one(self, dimension: Dimension, u: F32s) -> F32s {
-        match self.0 {
-            Some((strata, first)) => strata.one(first + U32s::splat(dimension as u32), u),
-            None => u,
-        }
-    }
-
-    #[inline(always)]
-    fn pair(self, dimension: Dimension, u: [F32s; 2]) -> [F32s; 2] {
-        match self.0 {
-            Some((strata, first)) => strata.pair(first + U32s::splat(dimension as u32), u),
-            None => u,
-        }
-    }
-}
-
 /// Which ray of a hit a round over the queue sends on.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Branch {
@@ -93,6 +72,8 @@ enum Branch {
     First,
     /// The second of two.
     Second,
+    /// None: another light sample, of this number.
+    Light(u32),
 }
 
 /// Shades the hits of the queue of `M`'s kind: sends shadow rays to sampled lights and appends the
@@ -103,28 +84,48 @@ pub(super) fn shade<M: Material, const F: u32>(
     wave: &mut Wave,
 ) {
     let whitted = scene.on::<F>(Features::WHITTED);
-    // All first branches come before all second ones, so that the order of a path's rays does not
+    let splits = scene.on::<F>(Features::WHITTED | Features::GLASS_SPLITS);
+    // All first branches (and light samples) come before all second ones, so that the order of a path's rays does not
     // depend on which vector of lanes it happens to be in.
-    let branches: &[Branch] = if whitted && M::TRANSMISSIVE {
+    let branches: &[Branch] = if splits && M::TRANSMISSIVE {
         &[Branch::First, Branch::Second]
     } else {
         &[Branch::Sampled]
     };
-    for &branch in branches {
+    let several = scene.on::<F>(Features::LIGHT_SAMPLES) && !M::SPECULAR;
+    let light_samples = if several {
+        scene.branching.light_samples
+    } else {
+        1
+    };
+    let rounds = branches.iter().copied();
+    for branch in rounds.chain((1..light_samples).map(Branch::Light)) {
         for at in (0..wave.by_material[M::KIND as usize].len).step_by(LANES) {
             let mut hits = Hits::fetch::<M, F>(scene, wave, at);
-            let strata = strata::<F>(scene, item, &hits);
+            let numbers = Numbers::of_hit::<F>(scene, item, hits.random, hits.path, hits.state);
             let mut params = M::fetch(&scene.materials, hits.material);
             if scene.on::<F>(Features::TEXTURES) {
                 let by = reflectance_factor(scene, hits.primitive, hits.material, &hits.surface);
                 M::tint(&mut params, by);
             }
             if scene.on::<F>(Features::OPACITY) {
-                hits.let_through::<F>(scene, strata);
+                hits.let_through::<F>(scene, &numbers);
                 hits.straight_eta = M::straight_eta(&params, hits.wo);
             }
             if !M::SPECULAR && scene.on::<F>(Features::SHADOW_RAYS) {
-                sample_light::<M, F>(scene, &hits, strata, &params, wave);
+                let number = match branch {
+                    Branch::Light(number) => number,
+                    _ => 0,
+                };
+                let numbers = if several {
+                    numbers.of_light_sample(light_samples, number)
+                } else {
+                    numbers
+                };
+                sample_light::<M, F>(scene, &hits, &numbers, &params, wave);
+            }
+            if let Branch::Light(_) = branch {
+                continue;
             }
             if whitted && !M::SPECULAR {
                 if hits.passes.any() {
@@ -134,7 +135,7 @@ pub(super) fn shade<M: Material, const F: u32>(
             }
             match branch {
                 Branch::Sampled => {
-                    let numbers = direction_numbers::<F>(scene, &hits, strata);
+                    let numbers = direction_numbers::<F>(scene, &hits, &numbers);
                     let onward = Onward {
                         sample: M::sample(&params, hits.wo, numbers),
                         passes: hits.passes,
@@ -144,8 +145,9 @@ pub(super) fn shade<M: Material, const F: u32>(
                     continue_path::<M, F>(scene, &hits, &onward, wave);
                 }
                 Branch::First | Branch::Second => {
-                    follow_split::<M, F>(scene, &hits, strata, &params, branch, wave);
+                    follow_split::<M, F>(scene, &hits, &numbers, &params, branch, wave);
                 }
+                Branch::Light(_) => {}
             }
         }
     }
@@ -220,10 +222,9 @@ impl Hits {
 
     /// Decides where the path goes straight on: with a probability of 1 − opacity.
     #[inline(always)]
-    fn let_through<const F: u32>(&mut self, scene: &CompiledScene, strata: HitStrata) {
+    fn let_through<const F: u32>(&mut self, scene: &CompiledScene, numbers: &Numbers) {
         self.opacity = opacity::<F>(scene, self.primitive, self.material, &self.surface);
-        let mut random = self.random.skip::<{ Dimension::Lobe as u32 }>();
-        let u = strata.one(Dimension::Lobe, random.next_f32());
+        let u = numbers.one::<{ Dimension::Lobe as u32 }>();
         self.passes = self.active & u.lt(F32s::splat(1.0) - self.opacity);
     }
 
@@ -237,32 +238,15 @@ impl Hits {
     }
 }
 
-/// The chunk's strata: dimensions count from the camera's through those of the earlier hits.
-#[inline(always)]
-fn strata<const F: u32>(scene: &CompiledScene, item: &WorkItem, hits: &Hits) -> HitStrata {
-    HitStrata(scene.on::<F>(Features::STRATIFIED).then(|| {
-        let (x, y, sample) = item.locate(hits.path);
-        let pixel = y * U32s::splat(item.image_width) + x;
-        let bounce = (hits.state & U32s::splat(state::DEPTH)) - U32s::splat(1);
-        let first = bounce * U32s::splat(BOUNCE_DIMENSIONS) + U32s::splat(CAMERA_DIMENSIONS);
-        (
-            Strata::new(scene.seed, pixel, item.block, item.samples, sample),
-            first,
-        )
-    }))
-}
-
 /// Two numbers for the direction, one for the lobe.
 #[inline(always)]
 fn direction_numbers<const F: u32>(
     scene: &CompiledScene,
     hits: &Hits,
-    strata: HitStrata,
+    numbers: &Numbers,
 ) -> [F32s; 3] {
-    let mut random = hits.random.skip::<{ Dimension::Direction as u32 }>();
-    let pair = [random.next_f32(), random.next_f32()];
-    let [u, v] = strata.pair(Dimension::Direction, pair);
-    let mut lobe = strata.one(Dimension::Lobe, random.next_f32());
+    let [u, v] = numbers.pair::<{ Dimension::Direction as u32 }>();
+    let mut lobe = numbers.one::<{ Dimension::Lobe as u32 }>();
     if scene.on::<F>(Features::OPACITY) {
         // Above 1 − opacity the number has not been used: that part becomes [0, 1) again.
         let passing = F32s::splat(1.0) - hits.opacity;
@@ -277,14 +261,12 @@ fn direction_numbers<const F: u32>(
 fn sample_light<M: Material, const F: u32>(
     scene: &CompiledScene,
     hits: &Hits,
-    strata: HitStrata,
+    numbers: &Numbers,
     params: &M::Params,
     wave: &mut Wave,
 ) {
-    let mut random = hits.random;
-    let pair = [random.next_f32(), random.next_f32()];
-    let [u, v] = strata.pair(Dimension::LightPoint, pair);
-    let choice = strata.one(Dimension::LightChoice, random.next_f32());
+    let [u, v] = numbers.pair::<{ Dimension::LightPoint as u32 }>();
+    let choice = numbers.one::<{ Dimension::LightChoice as u32 }>();
     let receiver = Receiver {
         p: hits.surface.point.p,
         n: hits.frame.normal,
@@ -305,11 +287,12 @@ fn sample_light<M: Material, const F: u32>(
     }
     let (value, pdf) = M::eval(params, hits.wo, wi);
     // Weight over density; the weight of a delta light is 1.
-    let alone = F32s::splat(1.0) / sample.pdf;
+    let density = expected_samples::<F>(scene, sample.pdf);
+    let alone = F32s::splat(1.0) / density;
     let over_pdf = if scene.on::<F>(Features::MIS) {
         sample
             .delta
-            .select(alone, mis::power_heuristic_over_pdf(sample.pdf, pdf))
+            .select(alone, mis::power_heuristic_over_pdf(density, pdf))
     } else {
         alone
     };
@@ -339,7 +322,7 @@ fn sample_light<M: Material, const F: u32>(
     compress(&mut shadows.radiance_b, at, brings, radiance.z);
     compress_u32(&mut shadows.path, at, brings, hits.path);
     if scene.on::<F>(Features::TRANSPARENT_SHADOWS) {
-        compress(&mut shadows.weight, at, brings, over_pdf * sample.pdf);
+        compress(&mut shadows.weight, at, brings, over_pdf * density);
     }
     shadows.len += brings.count();
     count_depths(&mut wave.counters.shadow_rays, hits.state, brings);
@@ -351,7 +334,7 @@ fn sample_light<M: Material, const F: u32>(
 fn follow_split<M: Material, const F: u32>(
     scene: &CompiledScene,
     hits: &Hits,
-    strata: HitStrata,
+    numbers: &Numbers,
     params: &M::Params,
     branch: Branch,
     wave: &mut Wave,
@@ -359,9 +342,8 @@ fn follow_split<M: Material, const F: u32>(
     let Some([first, second]) = M::split(params, hits.wo) else {
         return;
     };
-    let splits = hits.state >> state::SPLIT.trailing_zeros();
-    let may_split = splits.lt(U32s::splat(state::MOST_SPLITS));
-    let split_state = hits.state + U32s::splat(state::SPLIT);
+    let may_split = (hits.state & U32s::splat(state::SPLITS)).gt(U32s::splat(0));
+    let split_state = hits.state - U32s::splat(state::SPLIT);
     if branch == Branch::Second {
         let onward = Onward {
             sample: BsdfSample {
@@ -375,7 +357,7 @@ fn follow_split<M: Material, const F: u32>(
         continue_path::<M, F>(scene, hits, &onward, wave);
         return;
     }
-    let numbers = direction_numbers::<F>(scene, hits, strata);
+    let numbers = direction_numbers::<F>(scene, hits, numbers);
     let sampled = M::sample(params, hits.wo, numbers);
     let onward = Onward {
         sample: BsdfSample {
@@ -424,8 +406,13 @@ fn continue_path<M: Material, const F: u32>(
     let weighted = hits.throughput.mul_elem(sample.weight);
     let sound = keep_sound(rejected, hits.active & valid, weighted);
     let mut throughput = Vec3s::select(sound, weighted, Vec3s::zero());
-    let kept =
+    let mut kept =
         onward.state & U32s::splat(!(state::SPECULAR | state::THROUGH_GLASS | state::UNREFLECTED));
+    if !M::SPECULAR && scene.on::<F>(Features::GLASS_SPLITS) {
+        // What has been scattered splits no more; what goes straight on has not been.
+        let splits = onward.passes.select_u32(kept, U32s::splat(0)) & U32s::splat(state::SPLITS);
+        kept = (kept & U32s::splat(!state::SPLITS)) | splits;
+    }
     let mut history = if M::TRANSMISSIVE {
         let mut through = Mask(sample.wi.z.lt(zero).0 ^ hits.wo.z.lt(zero).0)
             & has(onward.state, state::UNREFLECTED);

@@ -1,6 +1,6 @@
 //! emitter hits → radiance: light found by following a ray.
 
-use super::emission::{emission_counts, is_specular};
+use super::emission::{emission_counts, expected_samples, is_specular};
 use super::surface::{Surface, gather_rays, gather_throughput, surface};
 use crate::compile::{CompiledScene, Features};
 use crate::light::{self, Receiver};
@@ -33,6 +33,7 @@ pub(super) fn shade_emission<const F: u32>(scene: &CompiledScene, wave: &mut Wav
                 primitive: gather_u32(&rays.skip, ray),
             };
             let light_pdf = light::pdf::<F>(&scene.lights, light, &receiver, point.p, direction, t);
+            let light_pdf = expected_samples::<F>(scene, light_pdf);
             let shared = mis::power_heuristic(gather(&rays.pdf, ray), light_pdf);
             weight = is_specular(ray_state).select(weight, shared);
         }

@@ -1,6 +1,6 @@
 //! escaped rays → radiance: the constant background.
 
-use super::emission::{emission_counts, is_specular};
+use super::emission::{emission_counts, expected_samples, is_specular};
 use super::surface::gather_throughput;
 use crate::compile::{CompiledScene, Features};
 use crate::light;
@@ -20,6 +20,7 @@ pub(super) fn shade_escaped<const F: u32>(scene: &CompiledScene, wave: &mut Wave
             let light = U32s::splat(scene.lights.background().unwrap_or(0));
             let light_pdf =
                 light::pdf_background::<F>(&scene.lights, light, gather(&rays.cosine, ray));
+            let light_pdf = expected_samples::<F>(scene, light_pdf);
             let shared = mis::power_heuristic(gather(&rays.pdf, ray), light_pdf);
             weight = is_specular(ray_state).select(weight, shared);
         }

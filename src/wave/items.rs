@@ -3,7 +3,7 @@
 use super::soa::soa;
 use crate::compile::Features;
 
-/// Packed path state of a ray: its depth, what it came through, how often its path was split.
+/// Packed path state of a ray: its depth, what it came through, how often its path may be split.
 pub mod state {
     /// Bits of the depth: segments traced when this ray is traced, camera rays have 1.
     pub const DEPTH: u32 = (1 << 24) - 1;
@@ -14,10 +14,16 @@ pub mod state {
     pub const THROUGH_GLASS: u32 = 1 << 25;
     /// There was a non-delta scattering and since then only transmissions or nothing.
     pub const UNREFLECTED: u32 = 1 << 26;
-    /// One split at glass, as an addend.
+    /// One split at glass that the path may still make, as an addend.
     pub const SPLIT: u32 = 1 << 27;
-    /// Splits at glass after which one branch is chosen at random instead.
-    pub const MOST_SPLITS: u32 = 4;
+    /// Bits of the number of those splits, the highest.
+    pub const SPLITS: u32 = !(SPLIT - 1);
+
+    /// Most rays that the path of a ray with this state may become, the ray included.
+    #[inline(always)]
+    pub const fn most_rays(state: u32) -> usize {
+        1 << (state >> SPLIT.trailing_zeros())
+    }
 }
 
 soa! {

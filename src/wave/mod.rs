@@ -4,7 +4,7 @@ pub mod items;
 pub mod soa;
 
 use crate::accel::{AccelCounters, HitBatch, RayBatch, ShadowBatch};
-use crate::compile::{Features, WorkItem};
+use crate::compile::{Branching, Features, WorkItem};
 use crate::material::MaterialKind;
 use serde::{Deserialize, Serialize};
 use wide::f32x4;
@@ -118,26 +118,31 @@ pub struct Wave {
 
 impl Wave {
     /// Queues for `capacity` paths in flight of work items of at most `item_paths` paths on
-    /// `item_pixels` pixels, with what `features` need.
-    pub fn new(capacity: usize, features: Features, item_paths: usize, item_pixels: usize) -> Self {
+    /// `item_pixels` pixels, with what `features` need where rays have several successors.
+    pub fn new(
+        capacity: usize,
+        features: Features,
+        branching: Branching,
+        item_paths: usize,
+        item_pixels: usize,
+    ) -> Self {
         let when = |needs: Features, n: usize| if features.intersects(needs) { n } else { 0 };
         let lights = Features::LIGHT_FLAT | Features::LIGHT_SPHERE;
-        // One path may split into this many rays.
-        let capacity = if features.contains(Features::WHITTED) {
-            capacity.max(1 << state::MOST_SPLITS)
-        } else {
-            capacity
-        };
+        // All rays that one path may split into have room.
+        let capacity = capacity.max(1 << branching.splits);
+        let shadow_rays = capacity * branching.light_samples as usize;
+        // Shadow rays through glass have their hits here too.
+        let hits = capacity.max(when(Features::TRANSPARENT_SHADOWS, shadow_rays));
         // A queue that the scene does not need still has room for the one vector of lanes that
         // every column is padded with.
         Self {
             capacity,
             next_path: 0,
             rays: RayQueue::new(capacity, features),
-            next: RayQueue::new(capacity, features),
-            hits: HitQueue::new(capacity, features),
-            shadows: ShadowQueue::new(when(Features::SHADOW_RAYS, capacity), features),
-            crossed: ShadowQueue::new(when(Features::TRANSPARENT_SHADOWS, capacity), features),
+            next: RayQueue::new(capacity * branching.next_per_ray(), features),
+            hits: HitQueue::new(hits, features),
+            shadows: ShadowQueue::new(when(Features::SHADOW_RAYS, shadow_rays), features),
+            crossed: ShadowQueue::new(when(Features::TRANSPARENT_SHADOWS, shadow_rays), features),
             by_material: std::array::from_fn(|kind| {
                 IndexQueue::new(when(material_feature(kind), capacity), features)
             }),
@@ -150,17 +155,20 @@ impl Wave {
     }
 
     /// Bytes of queues per path in flight with these features.
-    pub fn bytes_per_path(features: Features) -> usize {
+    pub fn bytes_per_path(features: Features, branching: Branching) -> usize {
         let kinds = (0..MATERIAL_KINDS)
             .filter(|&k| features.intersects(material_feature(k)))
             .count();
         let lights =
             usize::from(features.intersects(Features::LIGHT_FLAT | Features::LIGHT_SPHERE));
         let escaped = usize::from(features.intersects(Features::BACKGROUND));
-        let shadows = usize::from(features.intersects(Features::SHADOW_RAYS))
-            + usize::from(features.intersects(Features::TRANSPARENT_SHADOWS));
-        2 * RayQueue::bytes_per_item(features)
-            + HitQueue::bytes_per_item(features)
+        let samples = branching.light_samples as usize;
+        let transparent = features.intersects(Features::TRANSPARENT_SHADOWS);
+        let shadows = samples
+            * (usize::from(features.intersects(Features::SHADOW_RAYS)) + usize::from(transparent));
+        let hits = if transparent { samples } else { 1 };
+        (1 + branching.next_per_ray()) * RayQueue::bytes_per_item(features)
+            + hits * HitQueue::bytes_per_item(features)
             + shadows * ShadowQueue::bytes_per_item(features)
             + (kinds + lights + escaped) * IndexQueue::bytes_per_item(features)
     }

@@ -48,13 +48,20 @@ fn check(ours: &ImageEstimate, reference: &ImageEstimate, label: &str) {
 fn combinations(base: &RenderSettings) -> Vec<RenderSettings> {
     let mut all = Vec::new();
     for strategy in [Strategy::Mis, Strategy::Nee, Strategy::Bsdf] {
-        for sampler in [SamplerKind::Independent, SamplerKind::Stratified] {
+        for sampler in [
+            SamplerKind::Independent,
+            SamplerKind::Stratified,
+            SamplerKind::Sobol,
+        ] {
             for accel in STRUCTURES {
+                // All trees give the same bits; the sequence is shown with one.
+                if sampler == SamplerKind::Sobol && accel != AccelKind::Bvh8 {
+                    continue;
+                }
                 // Strata need blocks to fill; independent samples give the best variance one by one.
-                let block = if sampler == SamplerKind::Stratified {
-                    8
-                } else {
-                    1
+                let block = match sampler {
+                    SamplerKind::Stratified => 8,
+                    SamplerKind::Independent | SamplerKind::Sobol => 1,
                 };
                 all.push(RenderSettings {
                     strategy,

@@ -277,6 +277,50 @@ fn error_goal_ends_the_render_once_the_estimate_meets_it() {
 }
 
 #[test]
+fn adaptive_renders_tell_their_samples_and_error_or_what_is_missing() {
+    let directory = directory();
+    let output = succeed(wavepath(&directory).args([
+        "render",
+        SCENE,
+        "--width=70",
+        "--height=40",
+        "--spp=32",
+        "--adaptive",
+        "--sampler=sobol",
+        "--light-samples=2",
+        "--glass-splits=2",
+        "--report=r.json",
+    ]));
+    let text = stdout(&output);
+    for part in [
+        "sampler sobol",
+        "2 light samples per hit, 2 splits at glass, adaptive sampling",
+        "95 % interval",
+        " (mean 3",
+    ] {
+        assert!(text.contains(part), "{part:?} is not in\n{text}");
+    }
+    let report = report(&directory.path().join("r.json"));
+    assert!(report.settings.adaptive && report.result.min_samples < report.result.max_samples);
+    let [low, high] = report.result.relative_error_interval.unwrap();
+    let error = report.result.relative_error.unwrap();
+    assert!(
+        0.0 < low && low < error && error < high,
+        "{low} {error} {high}"
+    );
+
+    for (setting, reason) in [
+        ("render.spp=7", "at least 8 samples per pixel, not 7"),
+        ("render.light_samples=0", "between 1 and 64, got 0"),
+        ("render.glass_splits=9", "between 0 and 8, got 9"),
+    ] {
+        let message =
+            refuse(wavepath(&directory).args(["render", SCENE, "--adaptive", "--set", setting]));
+        assert!(message.contains(reason), "{message}");
+    }
+}
+
+#[test]
 fn interrupted_render_writes_complete_images_and_tells_their_samples() {
     let directory = directory();
     let child = start(wavepath(&directory).args([
@@ -396,7 +440,10 @@ fn each_wrong_option_is_named_with_what_is_wrong() {
         ("--seed", "-1", "-1"),
         ("--integrator", "magic", "whitted"),
         ("--strategy", "magic", "nee"),
-        ("--sampler", "magic", "stratified"),
+        ("--sampler", "magic", "sobol"),
+        ("--light-samples", "0", "at least 1"),
+        ("--light-samples", "65", "at most 64"),
+        ("--glass-splits", "9", "at most 8"),
         ("--accel", "magic", "bvh2"),
     ] {
         let message = refuse(wavepath(&directory).args(["render", SCENE, option, value]));

@@ -50,6 +50,8 @@ shown_by_both! {
     whitteds_picture_is_the_path_tracers_where_no_light_is_indirect,
     roulette_and_depth_do_not_shift_whitteds_picture,
     an_empty_scene_shows_its_background,
+    the_mean_of_several_light_samples_is_lamberts_formula,
+    glass_that_splits_shows_its_reflectance_in_every_sample,
 }
 
 /// A Lambertian floor of albedo 0.6 seen at the origin.
@@ -986,4 +988,55 @@ fn an_empty_scene_shows_its_background(by: Renderer) {
         .assert_is_exactly(0.25);
     by.measure(&scene.build(), &whitted(5), 2)
         .assert_is_exactly(0.25);
+}
+
+fn the_mean_of_several_light_samples_is_lamberts_formula(by: Renderer) {
+    let corners = [
+        [-1.0, 1.0, 0.4],
+        [-0.5, 1.5, 1.5],
+        [1.0, 1.5, 1.2],
+        [0.5, 1.0, 0.1],
+    ];
+    let expected = reflected(oracles::polygon_irradiance(
+        DVec3::ZERO,
+        DVec3::Z,
+        &corners.map(DVec3::from),
+    ));
+    let mut scene = lit_floor();
+    let light = scene.two_sided(BsdfDescription::Black, 1.0);
+    scene.quad(corners, light);
+    for strategy in STRATEGIES {
+        for light_samples in [2, 7] {
+            let settings = RenderSettings {
+                light_samples,
+                ..path(strategy, 2)
+            };
+            by.measure(&scene.build(), &settings, 10_000)
+                .assert_is(expected);
+        }
+    }
+}
+
+fn glass_that_splits_shows_its_reflectance_in_every_sample(by: Renderer) {
+    // Glass without end over black ground, under a sky of 1: one branch sees the sky, the other nothing.
+    let mut scene = SceneBuilder::new();
+    let clear = scene.matter(glass(1.5));
+    scene.floor(100.0, 0.0, clear);
+    let ground = scene.matter(BsdfDescription::Black);
+    scene.floor(100.0, -0.1, ground);
+    scene.background(1.0);
+    for x in [0.1, 1.0, 3.0] {
+        scene.aim([x, 0.0, 1.0], [0.0; 3]);
+        let expected = oracles::fresnel(1.5, 1.0 / f64::hypot(x, 1.0));
+        for glass_splits in [1, 8] {
+            let settings = RenderSettings {
+                glass_splits,
+                ..path(Strategy::Bsdf, 5)
+            };
+            let mut of_this_camera = scene.build();
+            of_this_camera.cameras.reverse();
+            by.measure(&of_this_camera, &settings, 2000)
+                .assert_is_exactly(expected);
+        }
+    }
 }

@@ -87,6 +87,33 @@ fn cases() -> Vec<(&'static str, RenderSettings)> {
             },
         ),
         ("many-lights.toml", base()),
+        (
+            "hexroom.toml",
+            RenderSettings {
+                sampler: SamplerKind::Sobol,
+                light_samples: 3,
+                glass_splits: 3,
+                ..base()
+            },
+        ),
+        (
+            "hexroom.toml",
+            RenderSettings {
+                adaptive: true,
+                transparent_shadows: true,
+                light_samples: 2,
+                ..base()
+            },
+        ),
+        (
+            "materials.toml",
+            RenderSettings {
+                adaptive: true,
+                budget: Budget::Error(0.5),
+                glass_splits: 1,
+                ..base()
+            },
+        ),
     ]
 }
 

@@ -183,6 +183,34 @@ fn settings_bring_their_features_and_no_more() {
         ..base.clone()
     };
     assert_eq!(features(stratified), with(&["stratified sampling"]));
+    let sobol = RenderSettings {
+        sampler: SamplerKind::Sobol,
+        ..base.clone()
+    };
+    assert_eq!(features(sobol), with(&["Sobol sampling"]));
+    let several = RenderSettings {
+        light_samples: 2,
+        ..endless(Strategy::Nee)
+    };
+    assert_eq!(
+        features(several.clone()),
+        with(&["shadow rays", "several light samples"])
+    );
+    let bytes = |settings: &RenderSettings| plan(&scene, settings).bytes_per_path;
+    assert!(bytes(&several) > bytes(&endless(Strategy::Nee)));
+    let splits = RenderSettings {
+        glass_splits: 2,
+        ..base.clone()
+    };
+    assert_eq!(features(splits.clone()), with(&["splitting at glass"]));
+    // Without light sampling and without glass there is nothing to multiply.
+    let idle = RenderSettings {
+        light_samples: 2,
+        ..base.clone()
+    };
+    assert_eq!(features(idle), least);
+    let floor = bare_floor(lambertian(0.5)).build();
+    assert_eq!(plan(&floor, &splits), plan(&floor, &base));
     let transparent = RenderSettings {
         transparent_shadows: true,
         ..endless(Strategy::Nee)

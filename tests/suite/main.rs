@@ -8,6 +8,7 @@ mod cli;
 mod closed_forms;
 #[path = "../../benches/support/closed_meshes.rs"]
 mod closed_meshes;
+mod converge;
 mod determinism;
 mod extremes;
 mod features;
@@ -22,6 +23,7 @@ mod random_scenes;
 mod reference;
 mod renderer;
 mod robustness;
+mod sampling;
 mod support;
 mod triangle_oracle;
 mod watertight;
