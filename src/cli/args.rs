@@ -33,6 +33,8 @@ pub(super) enum Command {
     Mesh(MeshArgs),
     /// Compare acceleration structures on rays of a scene
     Accels(AccelsArgs),
+    /// Render figures of the hexagonal room, and a page that shows them
+    Gallery(GalleryArgs),
 }
 
 /// What decides how a scene is compiled.
@@ -276,6 +278,39 @@ pub(super) struct AccelsArgs {
     /// Write the comparison with every round as JSON
     #[arg(long, value_name = "FILE.json")]
     pub(super) json: Option<PathBuf>,
+
+    /// Do not tell what is being done
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+}
+
+/// `wavepath gallery`
+///
+/// Renders the hexagonal room by every method and with every change that it is made to show, writes the
+/// pictures as PNG, and a page that has them all, each with its settings, time, error and command. It opens
+/// from disk and needs no other file.
+#[derive(Debug, clap::Args)]
+pub(super) struct GalleryArgs {
+    /// Folder to write to; made if it is not there
+    #[arg(long, value_name = "DIR", default_value = "gallery")]
+    pub(super) out: PathBuf,
+
+    /// Pictures this many times as wide and as high; 0.25 is quick
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 1.0,
+        allow_negative_numbers = true
+    )]
+    pub(super) scale: f64,
+
+    /// Also write small copies of the pictures as JPEG into this folder
+    #[arg(long, value_name = "DIR")]
+    pub(super) thumbnails: Option<PathBuf>,
+
+    /// Worker threads (same pictures) [default: all cores]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) threads: Option<usize>,
 
     /// Do not tell what is being done
     #[arg(short, long)]

@@ -10,7 +10,7 @@ use crate::scene::{self, Budget, RenderSettings, SceneDescription};
 use super::args::{BudgetArgs, RenderArgs, SceneArgs};
 
 /// Scene of the default command, as a path from the repository's root.
-const BUILT_IN_PATH: &str = "scenes/hexroom.toml";
+pub(super) const BUILT_IN_PATH: &str = "scenes/hexroom.toml";
 
 /// The same scene, for when that file is not there.
 const BUILT_IN_TEXT: &str = include_str!("../../scenes/hexroom.toml");
@@ -52,7 +52,7 @@ impl SceneJob {
     pub(super) fn new(args: &SceneArgs) -> Result<Self> {
         check_scene_args(args)?;
         let watch = Stopwatch::start();
-        let mut scene = scene::load(&args.scene, &args.set)?;
+        let mut scene = load_scene(&args.scene, &args.set)?;
         let load = LoadReport::new(watch.span(), &scene.mesh_files);
         if args.strict {
             check_warnings(&scene)?;
@@ -89,20 +89,9 @@ impl SceneJob {
 
     /// The scene of the default command, as its file says.
     fn built_in() -> Result<Self> {
-        let path = Path::new(BUILT_IN_PATH);
-        let watch = Stopwatch::start();
-        let scene = if path.exists() {
-            scene::load(path, &[])?
-        } else {
-            scene::parse(BUILT_IN_TEXT, path, &[])?
-        };
-        let load = LoadReport::new(watch.span(), &scene.mesh_files);
-        let settings = RenderSettings::from_defaults(&scene.render);
-        Ok(Self {
-            scene,
-            camera: 0,
-            settings,
-            load,
+        Self::new(&SceneArgs {
+            scene: PathBuf::from(BUILT_IN_PATH),
+            ..SceneArgs::default()
         })
     }
 
@@ -163,6 +152,15 @@ impl RenderJob {
         } = &self.scene_job;
         check_memory(scene.film.width, scene.film.height, settings.aux)?;
         Ok(self)
+    }
+}
+
+/// The scene in a file, or the program's own copy of the default one where its file is not there.
+fn load_scene(path: &Path, overrides: &[String]) -> Result<SceneDescription> {
+    if path == Path::new(BUILT_IN_PATH) && !path.exists() {
+        scene::parse(BUILT_IN_TEXT, path, overrides)
+    } else {
+        scene::load(path, overrides)
     }
 }
 

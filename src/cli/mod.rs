@@ -3,6 +3,7 @@
 mod accels;
 mod args;
 mod compare;
+mod gallery;
 mod interrupt;
 mod job;
 mod mesh;
@@ -61,6 +62,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Result<Status> {
         Some(Command::Compare(args)) => compare::run(&args),
         Some(Command::Mesh(args)) => mesh::run(&args),
         Some(Command::Accels(args)) => accels::run(&args),
+        Some(Command::Gallery(args)) => gallery::run(&args),
     }
 }
 

@@ -2,6 +2,8 @@
 
 pub mod accels;
 mod clock;
+pub mod gallery;
+mod html;
 mod load;
 mod machine;
 mod summary;
