@@ -6,7 +6,7 @@ use clap::{Parser, Subcommand};
 
 use crate::report::accels::RayKind;
 use crate::scene::procedural::ScalableKind;
-use crate::scene::{AccelKind, AccelQuality, IntegratorKind, SamplerKind, Strategy};
+use crate::scene::{AccelKind, AccelQuality, IntegratorKind, SamplerKind, Strategy, Supersampling};
 
 /// A data-oriented wavefront path tracer for CPUs.
 ///
@@ -92,6 +92,11 @@ pub(super) struct SceneArgs {
     /// Let shadow rays pass straight through glass, weighted by its transmittance (biased)
     #[arg(long)]
     pub(super) transparent_shadows: bool,
+
+    /// Where in a pixel camera rays pass: on, anywhere in it; off, through its centre; auto, off for
+    /// whitted alone [default: the scene's, else auto]
+    #[arg(long, value_name = "WHERE")]
+    pub(super) supersampling: Option<Supersampling>,
 
     /// Also accumulate albedo, normal and depth of the first hit, as layers of an EXR image
     #[arg(long)]

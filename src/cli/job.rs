@@ -75,6 +75,7 @@ impl SceneJob {
             max_depth: args.max_depth.or(defaults.max_depth),
             roulette_depth: args.roulette_depth.unwrap_or(defaults.roulette_depth),
             transparent_shadows: args.transparent_shadows || defaults.transparent_shadows,
+            supersampling: args.supersampling.unwrap_or(defaults.supersampling),
             aux: args.aux,
             force_features: args.force_features,
             ..defaults

@@ -743,6 +743,7 @@ fn features(tables: &Tables<'_>, lights: &LightTable, settings: &RenderSettings)
         Features::STRATIFIED,
     );
     add(whitted, Features::WHITTED);
+    add(!settings.supersamples(), Features::PIXEL_CENTRES);
     add(
         shadow_rays && settings.transparent_shadows && used(MaterialKind::Dielectric),
         Features::TRANSPARENT_SHADOWS,

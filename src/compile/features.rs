@@ -55,6 +55,9 @@ impl Features {
     /// Surfaces that let part of the light go straight on.
     pub const OPACITY: Self = Self(1 << 24);
 
+    /// Camera rays pass through the centres of pixels.
+    pub const PIXEL_CENTRES: Self = Self(1 << 25);
+
     /// What a scene can have, as opposed to what settings ask for.
     pub const SCENE: Self = Self(kinds::ALL)
         .with(Self::TRIANGLES)
@@ -69,7 +72,7 @@ impl Features {
         .with(Self::TEXTURES)
         .with(Self::OPACITY);
 
-    const NAMES: [(Self, &'static str); 22] = [
+    const NAMES: [(Self, &'static str); 23] = [
         (Self::TRIANGLES, "triangles"),
         (Self::SPHERES, "spheres"),
         (Self::LAMBERTIAN, "Lambertian surfaces"),
@@ -91,6 +94,7 @@ impl Features {
         (Self::STRATIFIED, "stratified sampling"),
         (Self::WHITTED, "Whitted's transport"),
         (Self::TRANSPARENT_SHADOWS, "transparent shadows"),
+        (Self::PIXEL_CENTRES, "rays through pixel centres"),
         (Self::AUX, "auxiliary images"),
     ];
 

@@ -2,6 +2,7 @@
 
 pub mod accels;
 mod clock;
+pub mod converge;
 pub mod gallery;
 mod html;
 mod load;
@@ -16,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::film::Film;
 use crate::integrator::stats::{DepthStats, EndReason, RenderStats};
-use crate::scene::RenderSettings;
+use crate::scene::{IntegratorKind, RenderSettings};
 
 /// Version of the JSON format; it changes when a field changes its meaning or disappears.
 pub const FORMAT: u32 = 1;
@@ -349,6 +350,9 @@ fn bias(settings: &RenderSettings, stats: &RenderStats) -> Vec<String> {
     if settings.transparent_shadows {
         bias.push("transparent shadows: light passes straight through glass".to_owned());
     }
+    if settings.integrator != IntegratorKind::Whitted && !settings.supersamples() {
+        bias.push("no supersampling: rays through the centres of pixels".to_owned());
+    }
     if let (Some(depth), 1..) = (settings.max_depth, stats.truncated) {
         bias.push(format!(
             "depth limit {depth}: {} paths cut",
@@ -373,6 +377,7 @@ fn ratio(a: f64, b: f64) -> f64 {
 pub(crate) mod tests {
     use super::*;
     use crate::integrator::stats::StageStats;
+    use crate::scene::Supersampling;
 
     /// The report of a small invented render.
     pub(crate) fn sample() -> RenderReport {
@@ -515,10 +520,11 @@ pub(crate) mod tests {
         };
         let biased = RenderSettings {
             transparent_shadows: true,
+            supersampling: Supersampling::Off,
             max_depth: Some(3),
             ..RenderSettings::default()
         };
-        assert_eq!(bias(&biased, &stats).len(), 3);
+        assert_eq!(bias(&biased, &stats).len(), 4);
         assert!(bias(&RenderSettings::default(), &RenderStats::default()).is_empty());
     }
 

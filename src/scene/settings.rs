@@ -66,6 +66,18 @@ pub enum AccelQuality {
     Best,
 }
 
+/// Where in a pixel camera rays pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Supersampling {
+    /// Off for Whitted's method, else on.
+    Auto,
+    /// Anywhere in it: edges are smooth.
+    On,
+    /// Through its centre: edges are stairs.
+    Off,
+}
+
 /// What ends a render; the first limit reached does.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -100,6 +112,8 @@ pub struct RenderDefaults {
     pub roulette_depth: Option<u32>,
     /// Shadow rays pass straight through glass, weighted by its transmittance (biased).
     pub transparent_shadows: Option<bool>,
+    /// Where in a pixel camera rays pass.
+    pub supersampling: Option<Supersampling>,
     /// Seed.
     pub seed: Option<u64>,
 }
@@ -133,6 +147,8 @@ pub struct RenderSettings {
     pub roulette_depth: u32,
     /// Shadow rays pass straight through glass, weighted by its transmittance (biased).
     pub transparent_shadows: bool,
+    /// Where in a pixel camera rays pass.
+    pub supersampling: Supersampling,
     /// Also accumulate albedo, normal and depth of the first hit.
     pub aux: bool,
     /// Run the kernels that can do everything, though the scene does not need them. Does not change the picture.
@@ -155,6 +171,7 @@ impl Default for RenderSettings {
             max_depth: None,
             roulette_depth: 5,
             transparent_shadows: false,
+            supersampling: Supersampling::Auto,
             aux: false,
             force_features: false,
         }
@@ -177,8 +194,18 @@ impl RenderSettings {
             transparent_shadows: defaults
                 .transparent_shadows
                 .unwrap_or(base.transparent_shadows),
+            supersampling: defaults.supersampling.unwrap_or(base.supersampling),
             seed: defaults.seed.unwrap_or(base.seed),
             ..base
+        }
+    }
+
+    /// Whether camera rays pass anywhere in a pixel rather than through its centre.
+    pub fn supersamples(&self) -> bool {
+        match self.supersampling {
+            Supersampling::Auto => self.integrator != IntegratorKind::Whitted,
+            Supersampling::On => true,
+            Supersampling::Off => false,
         }
     }
 }

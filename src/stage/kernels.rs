@@ -56,6 +56,7 @@ const IN_CODE: Features = Features::TRIANGLES
     .with(Features::MIS)
     .with(Features::STRATIFIED)
     .with(Features::WHITTED)
+    .with(Features::PIXEL_CENTRES)
     .with(Features::TRANSPARENT_SHADOWS);
 
 /// Path tracing of triangles lit by flat lights, without glass.

@@ -106,6 +106,36 @@ pub(super) const SECTIONS: &[Section] = &[
         ],
     },
     Section {
+        title: "Supersampling",
+        text: "One ray through the centre of a pixel sees one side of an edge; rays all over the pixel see how much of \
+               it lies on either side. Few pixels, so that the stairs are seen.",
+        figures: &[
+            Figure {
+                name: "supersampling-off",
+                title: "Supersampling off",
+                text: "64 rays through the centre of each pixel.",
+                side: 100,
+                view: View::Room,
+                options: &["--integrator", "whitted", "--spp", "64"],
+            },
+            Figure {
+                name: "supersampling-on",
+                title: "Supersampling on",
+                text: "64 rays through points all over each pixel.",
+                side: 100,
+                view: View::Room,
+                options: &[
+                    "--integrator",
+                    "whitted",
+                    "--spp",
+                    "64",
+                    "--supersampling",
+                    "on",
+                ],
+            },
+        ],
+    },
+    Section {
         title: "Refraction index",
         text: "The glass sphere turns the room upside down, the more so the denser it is.",
         figures: &[
