@@ -27,8 +27,8 @@ pub struct GalleryFigure {
     pub file: String,
     /// What that file holds, a PNG image.
     pub png: Vec<u8>,
-    /// The command line that repeats it.
-    pub command: String,
+    /// The words of the command line that repeats it, quoted for a shell.
+    pub command: Vec<String>,
     /// The report of the render.
     pub report: RenderReport,
 }
@@ -94,7 +94,8 @@ fn card(figure: &GalleryFigure) -> Markup {
                     dt { "error" } dd { (error(report.result.relative_error)) }
                     @for bias in &report.result.bias { dt { "biased" } dd.warn { (bias) } }
                 }
-                pre { code { (command) } }
+                // Lines break between words alone, never after the dashes of an option.
+                pre { code { @for word in command { span { (word) } " " } } }
             }
         }
     }
@@ -140,7 +141,9 @@ mod tests {
             text: "What it shows.".to_owned(),
             file: "a b.png".to_owned(),
             png: png.to_owned(),
-            command: "wavepath render room.toml --set 'a=<b>'".to_owned(),
+            command: ["wavepath", "render", "--set", "'a=<b>'"]
+                .map(str::to_owned)
+                .to_vec(),
             report: super::super::tests::sample(),
         }
     }
@@ -167,7 +170,7 @@ mod tests {
             "0.000 s",
             "% estimated",
             "depth limit 16: 3 paths cut",
-            "--set 'a=&lt;b&gt;'",
+            "<span>--set</span> <span>'a=&lt;b&gt;'</span>",
         ] {
             assert!(page.contains(part), "{part} is missing in\n{page}");
         }

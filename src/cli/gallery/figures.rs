@@ -90,7 +90,7 @@ pub(super) const SECTIONS: &[Section] = &[
             Figure {
                 name: "100spp",
                 title: "100 samples",
-                text: "A tenth of the noise.",
+                text: "A tenth of the noise, but for the light that glass and mirrors throw.",
                 side: 400,
                 view: View::Room,
                 options: &["--spp", "100"],
@@ -98,7 +98,7 @@ pub(super) const SECTIONS: &[Section] = &[
             Figure {
                 name: "400spp",
                 title: "400 samples",
-                text: "Half of that.",
+                text: "Half of that; caustics still glitter.",
                 side: 400,
                 view: View::Room,
                 options: &["--spp", "400"],
@@ -159,8 +159,8 @@ pub(super) const SECTIONS: &[Section] = &[
     },
     Section {
         title: "Roughness",
-        text: "The tetrahedron by Oren and Nayar's model. The rougher it is, the flatter it looks: facets that turn \
-               to the light send more of it back to where it came from.",
+        text: "The tetrahedron by Oren and Nayar's model. The rougher it is, the darker it looks from aside: facets \
+               send light back to where it came from, and hide one another.",
         figures: &[
             Figure {
                 name: "sigma-0",

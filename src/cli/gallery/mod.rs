@@ -98,7 +98,7 @@ fn make(figure: &Figure, args: &GalleryArgs) -> Result<GalleryFigure> {
         text: figure.text.to_owned(),
         file,
         png,
-        command: command_line(&words),
+        command: words.iter().map(|word| quoted(word)).collect(),
         report,
     })
 }
@@ -128,17 +128,14 @@ fn render_args(words: &[String]) -> Result<RenderArgs> {
     }
 }
 
-/// Words as one types them in a shell.
-fn command_line(words: &[String]) -> String {
-    let quoted = words.iter().map(|word| {
-        let plain = |c: char| c.is_ascii_alphanumeric() || "-_=./".contains(c);
-        if !word.is_empty() && word.chars().all(plain) {
-            word.clone()
-        } else {
-            format!("'{}'", word.replace('\'', r"'\''"))
-        }
-    });
-    quoted.collect::<Vec<_>>().join(" ")
+/// A word as one types it in a shell.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_=./".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
 }
 
 #[cfg(test)]
@@ -182,7 +179,7 @@ mod tests {
 
     #[test]
     fn words_are_quoted_where_a_shell_would_change_them() {
-        let words = ["a", "--set", "b=[0, 1]", "it's", ""].map(str::to_owned);
-        assert_eq!(command_line(&words), r"a --set 'b=[0, 1]' 'it'\''s' ''");
+        let words = ["a", "--set", "b=[0, 1]", "it's", ""].map(quoted);
+        assert_eq!(words, ["a", "--set", "'b=[0, 1]'", r"'it'\''s'", "''"]);
     }
 }

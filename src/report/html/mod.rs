@@ -3,6 +3,7 @@
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde::Serialize;
 
 use super::{Build, Machine};
 
@@ -39,6 +40,14 @@ pub(super) fn data_address(media_type: &str, bytes: &[u8]) -> String {
     format!("data:{media_type};base64,{}", STANDARD.encode(bytes))
 }
 
+/// A script element that holds `data` as JSON and runs nothing.
+pub(super) fn json_element(id: &str, data: &impl Serialize) -> Markup {
+    let json = serde_json::to_string(data).expect("plain data with string keys always serialises");
+    // No text within can end the element.
+    let json = json.replace('<', "\\u003c");
+    html! { script type="application/json" id=(id) { (PreEscaped(json)) } }
+}
+
 /// One line about the machine on which something was measured.
 pub(super) fn machine_line(machine: &Machine) -> String {
     let Machine {
@@ -71,6 +80,17 @@ mod tests {
         for fetched in ["http:", "https:", "@import", "url("] {
             assert!(!page.contains(fetched), "{fetched}");
         }
+    }
+
+    #[test]
+    fn data_cannot_end_its_element_and_reads_back() {
+        let data = ["</script><script>alert(1)</script>", "a < b & c"];
+        let element = json_element("data", &data).into_string();
+        assert_eq!(element.matches("</script>").count(), 1, "{element}");
+        let start = element.find('>').unwrap() + 1;
+        let json = &element[start..element.len() - "</script>".len()];
+        let read: Vec<String> = serde_json::from_str(json).unwrap();
+        assert_eq!(read, data);
     }
 
     #[test]
