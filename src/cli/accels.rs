@@ -10,9 +10,10 @@ use crate::report::SceneReport;
 use crate::report::accels::{
     AccelsInput, AccelsReport, AccelsSettings, Contestant, Event, RayKind, compare,
 };
+use crate::scene::MAX_WAVE;
 
 use super::args::{AccelsArgs, SceneArgs};
-use super::job::{MAX_THREADS, MAX_WAVE, SceneJob, check_range, check_report_name};
+use super::job::{MAX_THREADS, SceneJob, check_range, check_report_name};
 use super::{Status, note, print};
 
 /// Most rays per set: some GiB of columns.

@@ -33,6 +33,8 @@ pub(super) enum Command {
     Mesh(MeshArgs),
     /// Compare acceleration structures on rays of a scene
     Accels(AccelsArgs),
+    /// Measure error against run time, and compare settings by it
+    Converge(Box<ConvergeArgs>),
     /// Render figures of the hexagonal room, and a page that shows them
     Gallery(GalleryArgs),
 }
@@ -283,6 +285,112 @@ pub(super) struct AccelsArgs {
     /// Write the comparison with every round as JSON
     #[arg(long, value_name = "FILE.json")]
     pub(super) json: Option<PathBuf>,
+
+    /// Do not tell what is being done
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+}
+
+/// `wavepath converge`
+///
+/// Renders each configuration several times and holds the image against a reference at 1, 2, 4, … samples
+/// per pixel; the clock runs while rendering alone. Configurations take turns. Writes converge.json,
+/// converge.csv, index.html and pictures, and prints a summary.
+#[derive(Debug, clap::Args)]
+pub(super) struct ConvergeArgs {
+    /// Scene file (TOML), or a mesh (.obj, .obj.gz, .obj.zst), which gets a camera, a sky and a sun
+    pub(super) scene: PathBuf,
+
+    /// Compare these values of a setting: any path as for --set, a single word being one of the scene's
+    /// [render] table, as in strategy=mis,nee. Given several times, every combination is compared
+    #[arg(long, value_name = "KEY=VALUE,VALUE,…")]
+    pub(super) vary: Vec<String>,
+
+    /// Compare these settings under a name; may be given several times
+    #[arg(long, value_name = "NAME=KEY=VALUE,…")]
+    pub(super) config: Vec<String>,
+
+    /// Replace a value of the scene file in all configurations; may be given several times
+    #[arg(long, value_name = "PATH.TO.KEY=VALUE")]
+    pub(super) set: Vec<String>,
+
+    /// End each render after this many samples per pixel [default: the scene's, else 64]
+    #[arg(
+        long,
+        value_name = "N",
+        conflicts_with = "seconds",
+        allow_negative_numbers = true
+    )]
+    pub(super) spp: Option<u64>,
+
+    /// End each render before it takes longer than this many CPU seconds
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub(super) seconds: Option<f64>,
+
+    /// Independent renders of each configuration; intervals come from their spread
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        allow_negative_numbers = true
+    )]
+    pub(super) repeats: u32,
+
+    /// What images are held against: an EXR image; auto, the scene's closed form if it states one, else
+    /// rendered; or rendered
+    #[arg(long, value_name = "FILE.exr|auto|rendered", default_value = "auto")]
+    pub(super) reference: String,
+
+    /// Relative error at which a rendered reference is good enough (0.005 is 0.5 %)
+    #[arg(
+        long,
+        value_name = "E",
+        default_value_t = 0.005,
+        allow_negative_numbers = true
+    )]
+    pub(super) reference_error: f64,
+
+    /// Seconds after which a rendered reference has to be good enough
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 300.0,
+        allow_negative_numbers = true
+    )]
+    pub(super) reference_seconds: f64,
+
+    /// Folder where rendered references are kept [default: wavepath in the user's cache folder]
+    #[arg(long, value_name = "FOLDER")]
+    pub(super) cache: Option<PathBuf>,
+
+    /// Folder to write to [default: the scene's name with -converge]
+    #[arg(short, long, value_name = "FOLDER")]
+    pub(super) out: Option<PathBuf>,
+
+    /// The table of the hexagonal room's first report: Whitted's method, and paths at 1, 100 and 400
+    /// samples per pixel
+    #[arg(long, conflicts_with_all = ["vary", "config", "spp", "seconds"])]
+    pub(super) table: bool,
+
+    /// Worker threads [default: all cores]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) threads: Option<usize>,
+
+    /// Seed from which those of the repeats are derived [default: the scene's, else 0]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) seed: Option<u64>,
+
+    /// Camera, by its name in the scene [default: the scene's first]
+    #[arg(long, value_name = "NAME")]
+    pub(super) camera: Option<String>,
+
+    /// Pixels across [default: the scene's]
+    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
+    pub(super) width: Option<u32>,
+
+    /// Pixels down [default: the scene's]
+    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
+    pub(super) height: Option<u32>,
 
     /// Do not tell what is being done
     #[arg(short, long)]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::film::{ImageFormat, check_memory, check_writable};
 use crate::report::{LoadReport, Stopwatch};
-use crate::scene::{self, Budget, RenderSettings, SceneDescription};
+use crate::scene::{self, Budget, MAX_BLOCK, MAX_WAVE, RenderSettings, SceneDescription};
 
 use super::args::{BudgetArgs, RenderArgs, SceneArgs};
 
@@ -18,14 +18,8 @@ const BUILT_IN_TEXT: &str = include_str!("../../scenes/hexroom.toml");
 /// Most pixels across or down, as for scene files.
 const MAX_SIDE: u32 = 65_535;
 
-/// Most samples per block: the film sums a block in f32 before it adds it in f64.
-const MAX_BLOCK: u32 = 64;
-
 /// Most worker threads. Beyond any machine; it stops a slip of the keyboard from exhausting one.
 pub(super) const MAX_THREADS: usize = 4096;
-
-/// Most paths in flight per thread: a few GiB of queues.
-pub(super) const MAX_WAVE: usize = 1 << 24;
 
 /// A loaded scene with the settings and the camera to look with. The film's size is the wanted one.
 #[derive(Debug)]
@@ -77,7 +71,7 @@ impl SceneJob {
             transparent_shadows: args.transparent_shadows || defaults.transparent_shadows,
             supersampling: args.supersampling.unwrap_or(defaults.supersampling),
             aux: args.aux,
-            force_features: args.force_features,
+            force_features: args.force_features || defaults.force_features,
             ..defaults
         };
         Ok(Self {
@@ -244,7 +238,7 @@ where
     }
 }
 
-fn check_positive(option: &str, value: Option<f64>) -> Result<()> {
+pub(super) fn check_positive(option: &str, value: Option<f64>) -> Result<()> {
     match value {
         Some(value) if !(value.is_finite() && value > 0.0) => Err(Error::usage(format!(
             "{option} must be a number greater than 0, not {value}"

@@ -3,6 +3,7 @@
 mod accels;
 mod args;
 mod compare;
+mod converge;
 mod gallery;
 mod interrupt;
 mod job;
@@ -10,6 +11,7 @@ mod mesh;
 mod plan;
 mod progress;
 mod render;
+mod variations;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -62,6 +64,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Result<Status> {
         Some(Command::Compare(args)) => compare::run(&args),
         Some(Command::Mesh(args)) => mesh::run(&args),
         Some(Command::Accels(args)) => accels::run(&args),
+        Some(Command::Converge(args)) => converge::run(&args),
         Some(Command::Gallery(args)) => gallery::run(&args),
     }
 }

@@ -136,6 +136,14 @@ pub fn write_difference(path: &Path, a: &ExrImage, b: &ExrImage) -> Result<()> {
     write_rgb8(path, a.width, a.height, &bytes)
 }
 
+/// The bytes of such a picture of two images that are finite everywhere and of one size.
+pub(crate) fn difference_rgb8(a: &[[f64; 3]], b: &[[f64; 3]]) -> Vec<u8> {
+    let mean = b.iter().copied().map(luminance).sum::<f64>() / b.len().max(1) as f64;
+    let epsilon = RELATIVE_EPSILON * mean;
+    let colour = |(&a, &b)| false_colour(Some([luminance(a), luminance(b)]), epsilon);
+    a.iter().zip(b).flat_map(colour).collect()
+}
+
 fn false_colour(luminances: Option<[f64; 2]>, epsilon: f64) -> [u8; 3] {
     let Some([a, b]) = luminances else {
         return [0, 255, 0];
@@ -150,8 +158,8 @@ fn false_colour(luminances: Option<[f64; 2]>, epsilon: f64) -> [u8; 3] {
 }
 
 /// Relative luminance of linear sRGB (Rec. 709 weights).
-fn luminance(rgb: [f32; 3]) -> f64 {
-    let [red, green, blue] = rgb.map(f64::from);
+fn luminance(rgb: [impl Into<f64>; 3]) -> f64 {
+    let [red, green, blue] = rgb.map(Into::into);
     0.2126 * red + 0.7152 * green + 0.0722 * blue
 }
 

@@ -9,9 +9,12 @@ pub mod openexr;
 pub mod output;
 mod png;
 
+pub(crate) use compare::difference_rgb8;
 pub use compare::{Comparison, compare, write_difference};
 pub use memory::check_memory;
 pub use openexr::{ExrImage, read_exr};
+pub(crate) use png::{display_rgb8, encode_rgb8, grey_rgb8};
+
 pub use output::{ImageFormat, Provenance, check_writable, write_atomically, write_image};
 
 /// Share of the image's mean that is added, squared, to a pixel's squared mean where an error is
@@ -142,6 +145,11 @@ impl Film {
     /// Samples at a pixel.
     pub fn samples(&self, pixel: usize) -> u64 {
         self.pixels[pixel].samples
+    }
+
+    /// Blocks at a pixel.
+    pub fn blocks(&self, pixel: usize) -> u64 {
+        self.pixels[pixel].blocks
     }
 
     /// Samples over the whole film.

@@ -13,24 +13,50 @@ use super::output::write_atomically;
 
 /// Writes mean radiance × 2^`exposure` through the sRGB curve, values above 1 clipped to white.
 pub(super) fn write(path: &Path, film: &Film, exposure: f64) -> Result<()> {
-    let gain = exposure.exp2();
-    let mut bytes = Vec::with_capacity(3 * film.len());
-    for pixel in 0..film.len() {
-        bytes.extend(film.mean(pixel).map(|radiance| srgb_byte(radiance * gain)));
-    }
+    let means: Vec<[f64; 3]> = (0..film.len()).map(|pixel| film.mean(pixel)).collect();
+    let bytes = display_rgb8(&means, exposure);
     write_rgb8(path, film.width(), film.height(), &bytes)
+}
+
+/// Radiance × 2^`exposure` through the sRGB curve, values above 1 clipped to white.
+pub(crate) fn display_rgb8(radiance: &[[f64; 3]], exposure: f64) -> Vec<u8> {
+    let gain = exposure.exp2();
+    let values = radiance.as_flattened().iter();
+    values.map(|value| srgb_byte(value * gain)).collect()
+}
+
+/// Grey of these values through the sRGB curve, white at 1 and above.
+pub(crate) fn grey_rgb8(values: &[f64]) -> Vec<u8> {
+    values
+        .iter()
+        .flat_map(|&value| [srgb_byte(value); 3])
+        .collect()
 }
 
 /// Writes 8-bit RGB rows, top row first.
 pub(super) fn write_rgb8(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
     write_atomically(path, |file| {
-        PngEncoder::new(BufWriter::new(file))
-            .write_image(bytes, width, height, ExtendedColorType::Rgb8)
-            .map_err(|error| match error {
-                ImageError::IoError(error) => Error::io(path, &error),
-                other => Error::io(path, &std::io::Error::other(other)),
-            })
+        encode(BufWriter::new(file), width, height, bytes).map_err(|error| match error {
+            ImageError::IoError(error) => Error::io(path, &error),
+            other => Error::io(path, &std::io::Error::other(other)),
+        })
     })
+}
+
+/// The PNG file of 8-bit RGB rows, top row first: `width` × `height` × 3 bytes.
+pub(crate) fn encode_rgb8(width: u32, height: u32, bytes: &[u8]) -> Vec<u8> {
+    let mut file = Vec::new();
+    encode(&mut file, width, height, bytes).expect("writing to memory does not fail");
+    file
+}
+
+fn encode(
+    file: impl std::io::Write,
+    width: u32,
+    height: u32,
+    bytes: &[u8],
+) -> std::result::Result<(), ImageError> {
+    PngEncoder::new(file).write_image(bytes, width, height, ExtendedColorType::Rgb8)
 }
 
 /// The sRGB transfer curve (IEC 61966-2-1) of a linear value, clipped to [0, 1], as a byte. NaN,

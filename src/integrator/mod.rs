@@ -11,8 +11,8 @@ pub mod stats;
 pub mod wavefront;
 
 use std::ops::ControlFlow;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
 use glam::DVec3;
@@ -54,139 +54,240 @@ pub type Observer<'a> = dyn Fn(&Progress) -> ControlFlow<()> + Sync + 'a;
 /// Renders `compiled`, made of `scene`, until the budget of `settings` is used or the observer breaks.
 ///
 /// # Errors
-/// If the film does not fit into memory, or threads cannot be started.
+/// As [`Session::new`].
 pub fn render(
     scene: &SceneDescription,
     compiled: &CompiledScene,
     settings: &RenderSettings,
     observer: &Observer<'_>,
 ) -> Result<Outcome> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(settings.threads)
-        .thread_name(|i| format!("worker-{i}"))
-        .build()
-        .map_err(|error| {
-            Error::limit(format!(
-                "cannot start {} threads: {error}",
-                settings.threads
-            ))
-        })?;
-    let (width, height) = (compiled.width, compiled.height);
     let blocks = Blocks::new(settings);
-    let tiles = Tiles::new(width, height);
-    check_memory(width, height, settings.aux)?;
-    let film = Film::new(width, height, settings.aux);
-    let reference = match settings.integrator {
-        IntegratorKind::Reference => Some(Reference::new(
-            scene,
-            compiled.camera_index,
-            width,
-            height,
-            settings,
-        )?),
-        IntegratorKind::Path | IntegratorKind::Whitted => None,
-    };
-    let workers: Vec<_> = (0..settings.threads)
-        .map(|_| {
-            Mutex::new(Worker::new(
-                compiled,
-                settings,
-                reference.as_ref(),
-                blocks.largest(),
-            ))
-        })
-        .collect();
-
+    let mut session = Session::new(scene, compiled, settings, blocks.largest())?;
     let start = Instant::now();
-    let shared = Shared {
-        film: Mutex::new(film),
-        observer,
-        last_observed: Mutex::new(start),
-        interrupted: AtomicBool::new(false),
-        rays: AtomicU64::new(0),
-    };
-    let mut state = RoundState {
-        block: 0,
-        error: None,
-        seconds: 0.0,
-    };
+    let mut seconds = 0.0;
     let ended = loop {
-        let Some(samples) = blocks.get(state.block) else {
+        let Some((_, samples)) = blocks.get(session.blocks) else {
             break EndReason::Samples;
         };
-        let next_tile = AtomicUsize::new(0);
-        pool.broadcast(|context| {
-            let mut worker = workers[context.index()]
-                .lock()
-                .expect("a worker's lock is its own");
-            worker.timed(|worker| {
-                while !shared.interrupted.load(Ordering::Relaxed) {
-                    let tile = next_tile.fetch_add(1, Ordering::Relaxed);
-                    if tile >= tiles.count() {
-                        break;
-                    }
-                    let item = tiles.item(tile, state.block, samples);
-                    let rays = worker.render_item(compiled, &item, &shared.film);
-                    shared.rays.fetch_add(rays, Ordering::Relaxed);
-                    shared.observe(start, || {
-                        let done = (tile + 1) as f64 / tiles.count() as f64;
-                        progress(settings, &state, samples, done, start)
-                    });
-                }
-            });
-        });
-        let round_seconds = start.elapsed().as_secs_f64() - state.seconds;
-        state.seconds += round_seconds;
-        state.block += 1;
-        if shared.interrupted.load(Ordering::Relaxed) {
+        if session.round(samples, observer).is_break() {
             break EndReason::Interrupted;
         }
-        let film = lock(&shared.film);
-        state.error = film.relative_error();
+        let round_seconds = start.elapsed().as_secs_f64() - seconds;
+        seconds += round_seconds;
+        session.error = session.film().relative_error();
         match settings.budget {
             Budget::Samples(_) => {}
-            Budget::Seconds(seconds) => {
+            Budget::Seconds(limit) => {
                 // Not begun if it would overrun: a round takes as long per sample as the last.
-                let per_sample = round_seconds / f64::from(samples.1);
+                let per_sample = round_seconds / f64::from(samples);
                 let next = blocks
-                    .get(state.block)
+                    .get(session.blocks)
                     .map_or(0.0, |(_, n)| f64::from(n) * per_sample);
-                if state.seconds + next > seconds {
+                if seconds + next > limit {
                     break EndReason::Seconds;
                 }
             }
             Budget::Error(goal) => {
-                let known = state.error.filter(|_| state.block >= BLOCKS_BEFORE_ERROR);
+                let known = session
+                    .error
+                    .filter(|_| session.blocks >= BLOCKS_BEFORE_ERROR);
                 if known.is_some_and(|error| error <= goal) {
                     break EndReason::Error;
                 }
             }
         }
     };
-    let wall_seconds = start.elapsed().as_secs_f64();
-    let film = shared.film.into_inner().expect("no worker panicked");
-    let workers: Vec<Worker<'_>> = workers
-        .into_iter()
-        .map(|w| w.into_inner().expect("no worker panicked"))
-        .collect();
-    let stats = summarise(compiled, settings, &workers, wall_seconds);
+    let stats = RenderStats {
+        wall_seconds: start.elapsed().as_secs_f64(),
+        ..session.stats()
+    };
+    let film = session.into_film();
     Ok(Outcome { film, stats, ended })
 }
 
-/// Where the rounds stand.
-#[derive(Clone, Copy)]
-struct RoundState {
-    /// Rounds completed, and the block of the running one.
-    block: u64,
-    /// Error estimate after the last complete round.
+/// A render that goes on round by round for as long as its owner asks. Its clocks run in rounds alone,
+/// so that the image may be looked at between them at no cost in the figures.
+#[derive(Debug)]
+pub struct Session<'a> {
+    compiled: &'a CompiledScene,
+    settings: RenderSettings,
+    pool: rayon::ThreadPool,
+    tiles: Tiles,
+    reference: Option<Reference>,
+    workers: Vec<Mutex<Worker>>,
+    film: Mutex<Film>,
+    /// Rounds completed, and the block of the next one.
+    blocks: u64,
+    /// Samples per pixel in them.
+    samples: u64,
+    /// Wall seconds in rounds.
+    wall_seconds: f64,
+    /// Error estimate to tell the observer.
     error: Option<f64>,
-    /// Wall seconds at the end of the last complete round.
-    seconds: f64,
+    started: Instant,
+}
+
+impl<'a> Session<'a> {
+    /// Prepares to render `compiled`, made of `scene`, in blocks of at most `largest_block` samples per
+    /// pixel. The budget of `settings` only tells the observer how far the render is.
+    ///
+    /// # Errors
+    /// If the film does not fit into memory, or threads cannot be started.
+    pub fn new(
+        scene: &SceneDescription,
+        compiled: &'a CompiledScene,
+        settings: &RenderSettings,
+        largest_block: u32,
+    ) -> Result<Self> {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(settings.threads)
+            .thread_name(|i| format!("worker-{i}"))
+            .build()
+            .map_err(|error| {
+                Error::limit(format!(
+                    "cannot start {} threads: {error}",
+                    settings.threads
+                ))
+            })?;
+        let (width, height) = (compiled.width, compiled.height);
+        check_memory(width, height, settings.aux)?;
+        let film = Film::new(width, height, settings.aux);
+        let reference = match settings.integrator {
+            IntegratorKind::Reference => Some(Reference::new(
+                scene,
+                compiled.camera_index,
+                width,
+                height,
+                settings,
+            )?),
+            IntegratorKind::Path | IntegratorKind::Whitted => None,
+        };
+        let worker = |_| Mutex::new(Worker::new(compiled, settings, largest_block));
+        Ok(Self {
+            compiled,
+            settings: settings.clone(),
+            pool,
+            tiles: Tiles::new(width, height),
+            reference,
+            workers: (0..settings.threads).map(worker).collect(),
+            film: Mutex::new(film),
+            blocks: 0,
+            samples: 0,
+            wall_seconds: 0.0,
+            error: None,
+            started: Instant::now(),
+        })
+    }
+
+    /// Renders the next block, of `samples` ≥ 1 samples per pixel; at most the largest block's. Breaks if
+    /// the observer does, the block then being incomplete.
+    pub fn round(&mut self, samples: u32, observer: &Observer<'_>) -> ControlFlow<()> {
+        let shared = Shared {
+            film: &self.film,
+            observer,
+            last_observed: Mutex::new(self.started),
+            interrupted: AtomicBool::new(false),
+            rays: AtomicU64::new(self.locked_workers().map(|w| w.rays()).sum()),
+        };
+        let start = Instant::now();
+        let next_tile = AtomicUsize::new(0);
+        self.pool.broadcast(|context| {
+            let mut worker = self.workers[context.index()]
+                .lock()
+                .expect("a worker's lock is its own");
+            worker.timed(|worker| {
+                while !shared.interrupted.load(Ordering::Relaxed) {
+                    let tile = next_tile.fetch_add(1, Ordering::Relaxed);
+                    if tile >= self.tiles.count() {
+                        break;
+                    }
+                    let block = (self.samples, samples);
+                    let item = self.tiles.item(tile, self.blocks, block);
+                    let rays = worker.render_item(
+                        self.compiled,
+                        self.reference.as_ref(),
+                        &item,
+                        shared.film,
+                    );
+                    shared.rays.fetch_add(rays, Ordering::Relaxed);
+                    shared.observe(self.started, || {
+                        let done = (tile + 1) as f64 / self.tiles.count() as f64;
+                        self.progress(self.samples as f64 + done * f64::from(samples))
+                    });
+                }
+            });
+        });
+        let interrupted = shared.interrupted.into_inner();
+        self.wall_seconds += start.elapsed().as_secs_f64();
+        self.blocks += 1;
+        self.samples += u64::from(samples);
+        if interrupted {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    }
+
+    /// Samples per pixel so far.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// CPU seconds of the workers in all rounds so far.
+    pub fn cpu_seconds(&self) -> f64 {
+        self.locked_workers().map(|worker| worker.cpu_seconds).sum()
+    }
+
+    /// The image so far.
+    pub fn film(&mut self) -> &Film {
+        self.film.get_mut().expect("no worker panicked")
+    }
+
+    /// The image, the render being at its end.
+    pub fn into_film(self) -> Film {
+        self.film.into_inner().expect("no worker panicked")
+    }
+
+    /// Counts and times of all rounds so far.
+    pub fn stats(&self) -> RenderStats {
+        summarise(
+            self.compiled,
+            &self.settings,
+            self.locked_workers(),
+            self.wall_seconds,
+        )
+    }
+
+    /// The workers, none of which is at work.
+    fn locked_workers(&self) -> impl Iterator<Item = MutexGuard<'_, Worker>> {
+        let workers = self.workers.iter();
+        workers.map(|worker| worker.lock().expect("no worker panicked"))
+    }
+
+    /// What the observer is told when there are `done` samples per pixel.
+    fn progress(&self, done: f64) -> Progress {
+        let seconds = self.started.elapsed().as_secs_f64();
+        let fraction = match self.settings.budget {
+            Budget::Samples(total) => done / total as f64,
+            Budget::Seconds(total) => (seconds / total).min(1.0),
+            // Error falls as the root of time: the share of the work done is the square of the ratio.
+            Budget::Error(goal) => self
+                .error
+                .map_or(0.0, |error| (goal / error).powi(2).min(1.0)),
+        };
+        Progress {
+            fraction,
+            samples: done,
+            rays: 0,
+            seconds,
+            error: self.error,
+        }
+    }
 }
 
 /// What the workers share while a round runs.
 struct Shared<'a> {
-    film: Mutex<Film>,
+    film: &'a Mutex<Film>,
     observer: &'a Observer<'a>,
     last_observed: Mutex<Instant>,
     interrupted: AtomicBool,
@@ -213,65 +314,29 @@ impl Shared<'_> {
     }
 }
 
-fn progress(
-    settings: &RenderSettings,
-    state: &RoundState,
-    (first, samples): (u64, u32),
-    round_done: f64,
-    start: Instant,
-) -> Progress {
-    let seconds = start.elapsed().as_secs_f64();
-    let done = first as f64 + round_done * f64::from(samples);
-    let fraction = match settings.budget {
-        Budget::Samples(total) => done / total as f64,
-        Budget::Seconds(total) => (seconds / total).min(1.0),
-        // Error falls as the root of time: the share of the work done is the square of the ratio.
-        Budget::Error(goal) => state
-            .error
-            .map_or(0.0, |error| (goal / error).powi(2).min(1.0)),
-    };
-    Progress {
-        fraction,
-        samples: done,
-        rays: 0,
-        seconds,
-        error: state.error,
-    }
-}
-
 /// One thread's queues and counts, kept from round to round.
-struct Worker<'a> {
-    tracer: Tracer<'a>,
+#[derive(Debug)]
+struct Worker {
+    tracer: Tracer,
     clock: StageClock,
     passes: Passes,
     paths: u64,
     cpu_seconds: f64,
 }
 
-enum Tracer<'a> {
-    Wavefront {
-        wave: Box<Wave>,
-        kernels: Kernels,
-    },
-    Reference {
-        reference: &'a Reference,
-        counts: RayCounts,
-    },
+#[derive(Debug)]
+enum Tracer {
+    Wavefront { wave: Box<Wave>, kernels: Kernels },
+    Reference { counts: RayCounts },
 }
 
-impl<'a> Worker<'a> {
-    fn new(
-        scene: &CompiledScene,
-        settings: &RenderSettings,
-        reference: Option<&'a Reference>,
-        largest_block: u32,
-    ) -> Self {
-        let tracer = match reference {
-            Some(reference) => Tracer::Reference {
-                reference,
+impl Worker {
+    fn new(scene: &CompiledScene, settings: &RenderSettings, largest_block: u32) -> Self {
+        let tracer = match settings.integrator {
+            IntegratorKind::Reference => Tracer::Reference {
                 counts: RayCounts::default(),
             },
-            None => {
+            IntegratorKind::Path | IntegratorKind::Whitted => {
                 let pixels = (TILE * TILE) as usize;
                 let item_paths = pixels * largest_block as usize;
                 Tracer::Wavefront {
@@ -297,8 +362,15 @@ impl<'a> Worker<'a> {
         self.cpu_seconds += thread_cpu_seconds() - start;
     }
 
-    /// Renders a work item into the film; returns the rays that took.
-    fn render_item(&mut self, scene: &CompiledScene, item: &WorkItem, film: &Mutex<Film>) -> u64 {
+    /// Renders a work item into the film; returns the rays that took. `reference` is there if the
+    /// integrator is it.
+    fn render_item(
+        &mut self,
+        scene: &CompiledScene,
+        reference: Option<&Reference>,
+        item: &WorkItem,
+        film: &Mutex<Film>,
+    ) -> u64 {
         self.paths += u64::from(item.paths());
         let before = self.rays();
         match &mut self.tracer {
@@ -310,7 +382,8 @@ impl<'a> Worker<'a> {
                     develop(item, wave, film)
                 });
             }
-            Tracer::Reference { reference, counts } => {
+            Tracer::Reference { counts } => {
+                let reference = reference.expect("made with the session");
                 for pixel in 0..item.pixels() {
                     let index = item.image_index(pixel);
                     let (x, y) = (item.x + pixel % item.width, item.y + pixel / item.width);
@@ -330,12 +403,12 @@ impl<'a> Worker<'a> {
                 let counters = &wave.counters;
                 counters.rays.iter().chain(&counters.shadow_rays).sum()
             }
-            Tracer::Reference { counts, .. } => counts.camera + counts.bounce + counts.shadow,
+            Tracer::Reference { counts } => counts.camera + counts.bounce + counts.shadow,
         }
     }
 }
 
-fn lock(film: &Mutex<Film>) -> std::sync::MutexGuard<'_, Film> {
+fn lock(film: &Mutex<Film>) -> MutexGuard<'_, Film> {
     film.lock().expect("no worker panicked")
 }
 
@@ -363,10 +436,10 @@ fn develop(item: &WorkItem, wave: &Wave, film: &Mutex<Film>) {
 }
 
 /// Adds up what the workers counted.
-fn summarise(
+fn summarise<'w>(
     scene: &CompiledScene,
     settings: &RenderSettings,
-    workers: &[Worker<'_>],
+    workers: impl Iterator<Item = MutexGuard<'w, Worker>>,
     wall_seconds: f64,
 ) -> RenderStats {
     let mut stats = RenderStats {
@@ -397,7 +470,7 @@ fn summarise(
                 stats.rejected += counters.rejected;
                 stats.truncated += counters.truncated;
             }
-            Tracer::Reference { counts, .. } => {
+            Tracer::Reference { counts } => {
                 stats.camera_rays += counts.camera;
                 stats.bounce_rays += counts.bounce;
                 stats.shadow_rays += counts.shadow;

@@ -26,6 +26,7 @@
 
 mod appearance;
 mod bsdf;
+mod closed_form;
 mod direct;
 mod flatten;
 mod light;
@@ -39,6 +40,7 @@ mod whitted;
 use glam::DVec3;
 
 use self::appearance::Appearance;
+pub use self::closed_form::closed_form_image;
 use self::flatten::{Surface, Tables};
 use self::light::{Lights, Vertex};
 use self::primitives::{Hit, POSITION_ERROR, PatchId, Primitives, Ray};
@@ -286,6 +288,7 @@ mod tests {
             }],
             point_lights: Vec::new(),
             background: DVec3::ZERO,
+            closed_form: None,
             render: RenderDefaults::default(),
             mesh_files: Vec::new(),
             warnings: Vec::new(),

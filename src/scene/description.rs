@@ -33,12 +33,24 @@ pub struct SceneDescription {
     pub point_lights: Vec<PointLightDescription>,
     /// Radiance of every escaped ray, W·sr⁻¹·m⁻², linear RGB, finite, ≥ 0.
     pub background: DVec3,
+    /// The exact image, if the file states it.
+    pub closed_form: Option<ClosedForm>,
     /// What the file asks for where the command line is silent.
     pub render: RenderDefaults,
     /// OBJ files that were read, in the order of the shapes.
     pub mesh_files: Vec<MeshFile>,
     /// Findings that did not stop the load, one line each, with their place.
     pub warnings: Vec<String>,
+}
+
+/// What the exact image of a scene is known to be. Errors are measured against it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ClosedForm {
+    /// This radiance at every pixel, linear RGB.
+    Constant(DVec3),
+    /// What Lambertian surfaces reflect of the light that comes straight from one-sided polygons: nothing
+    /// is in the way, and no surface that reflects sees another.
+    Direct,
 }
 
 /// Image size and display transform.

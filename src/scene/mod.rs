@@ -51,6 +51,7 @@
 //! | `[[shapes]]` | everything with a surface |
 //! | `[[lights]]` | lights without a surface: `type = "point"`, `position`, `intensity`, `name` (optional) |
 //! | `[background]` | `radiance` of every ray that leaves the scene; default 0 |
+//! | `[closed_form]` | what the exact image is known to be (see below) |
 //! | `[render]` | defaults of the render's settings: the keys of [`RenderDefaults`] |
 //!
 //! ## Cameras
@@ -101,6 +102,14 @@
 //! in OBJ files and procedural meshes they, and faces with non-finite or too large coordinates, are removed
 //! and counted in [`SceneDescription::warnings`], as are faces that occur twice and vertices of no face
 //! in any mesh.
+//!
+//! ## Closed forms
+//! A scene whose exact image is known may state it; errors are then measured against that.
+//!
+//! | `type` | meaning |
+//! | --- | --- |
+//! | `constant` | `radiance` at every pixel |
+//! | `direct` | Lambertian surfaces under one-sided emitters that are polygons and reflect nothing; nothing is in the light's way, and no surface that reflects sees another |
 //!
 //! ## OBJ files
 //! Positions, faces, normals, texture coordinates and materials are used; polygons, concave ones too,

@@ -6,7 +6,7 @@ use super::document::{self, Entry, Node, Source, Spot, Value, quoted_list};
 use crate::error::{Error, Result};
 
 /// Tables with fixed keys, which an override may begin where the file has none.
-const CREATED: [&str; 3] = ["film", "render", "background"];
+const CREATED: [&str; 4] = ["film", "render", "background", "closed_form"];
 
 /// Applies one `path.to.key=value` to a document.
 ///

@@ -7,12 +7,12 @@ use glam::DVec3;
 use serde::Deserialize;
 
 use super::description::{
-    CameraDescription, FilmDescription, MaterialDescription, MaterialId, PointLightDescription,
-    SceneDescription, ShapeDescription,
+    CameraDescription, ClosedForm, FilmDescription, MaterialDescription, MaterialId,
+    PointLightDescription, SceneDescription, ShapeDescription,
 };
 use super::document::{Fields, Node};
 use super::library::Library;
-use super::settings::RenderDefaults;
+use super::settings::{MAX_BLOCK, MAX_WAVE, RenderDefaults};
 use super::{cameras, materials, shapes, values};
 use crate::error::Result;
 
@@ -34,6 +34,7 @@ pub(super) fn scene(root: &Node, path: &Path) -> Result<SceneDescription> {
             "shapes",
             "lights",
             "background",
+            "closed_form",
             "render",
         ],
     )?;
@@ -62,6 +63,10 @@ pub(super) fn scene(root: &Node, path: &Path) -> Result<SceneDescription> {
             }
             None => DVec3::ZERO,
         },
+        closed_form: fields
+            .optional("closed_form")
+            .map(read_closed_form)
+            .transpose()?,
         render: match fields.optional("render") {
             Some(node) => read_render(node)?,
             None => RenderDefaults::default(),
@@ -156,6 +161,20 @@ fn read_light(node: &Node) -> Result<PointLightDescription> {
     })
 }
 
+fn read_closed_form(node: &Node) -> Result<ClosedForm> {
+    match node.tag("a closed form", &["constant", "direct"])? {
+        "constant" => {
+            let fields = node.fields("a closed form of type `constant`", &["type", "radiance"])?;
+            let radiance = values::radiance(fields.required("radiance")?, "radiance")?;
+            Ok(ClosedForm::Constant(radiance))
+        }
+        _ => {
+            node.fields("a closed form of type `direct`", &["type"])?;
+            Ok(ClosedForm::Direct)
+        }
+    }
+}
+
 fn read_render(node: &Node) -> Result<RenderDefaults> {
     let mut settings = toml::Table::new();
     for entry in node.table()? {
@@ -169,6 +188,15 @@ fn read_render(node: &Node) -> Result<RenderDefaults> {
                 .node
                 .spot
                 .error(format!("`{}` must be > 0, got 0", entry.key)));
+        }
+        let block = defaults.block.map(|block| block as usize);
+        for (value, most) in [(defaults.wave, MAX_WAVE), (block, MAX_BLOCK as usize)] {
+            if let Some(value) = value.filter(|value| !(1..=most).contains(value)) {
+                return Err(entry.node.spot.error(format!(
+                    "`{}` must be between 1 and {most}, got {value}",
+                    entry.key
+                )));
+            }
         }
         settings.insert(entry.key.clone(), value.clone());
     }

@@ -116,7 +116,19 @@ pub struct RenderDefaults {
     pub supersampling: Option<Supersampling>,
     /// Seed.
     pub seed: Option<u64>,
+    /// Paths in flight per worker, 1 ..= [`MAX_WAVE`].
+    pub wave: Option<usize>,
+    /// Samples per pixel in one block, 1 ..= [`MAX_BLOCK`].
+    pub block: Option<u32>,
+    /// Run the kernels that can do everything.
+    pub force_features: Option<bool>,
 }
+
+/// Most paths in flight per thread: a few GiB of queues.
+pub const MAX_WAVE: usize = 1 << 24;
+
+/// Most samples per block: the film sums a block in f32 before it adds it in f64.
+pub const MAX_BLOCK: u32 = 64;
 
 /// Everything that a render's picture depends on beside the scene and the budget.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -196,6 +208,9 @@ impl RenderSettings {
                 .unwrap_or(base.transparent_shadows),
             supersampling: defaults.supersampling.unwrap_or(base.supersampling),
             seed: defaults.seed.unwrap_or(base.seed),
+            wave: defaults.wave.unwrap_or(base.wave),
+            block: defaults.block.unwrap_or(base.block),
+            force_features: defaults.force_features.unwrap_or(base.force_features),
             ..base
         }
     }

@@ -50,6 +50,7 @@ impl SceneBuilder {
             shapes: Vec::new(),
             point_lights: Vec::new(),
             background: DVec3::ZERO,
+            closed_form: None,
             render: RenderDefaults::default(),
             mesh_files: Vec::new(),
             warnings: Vec::new(),

@@ -128,7 +128,10 @@ fn efficiency_text() -> Markup {
 }
 
 fn curves(results: &Results) -> Markup {
-    let has_stages = results.configurations.iter().any(|it| !it.stages.is_empty());
+    let has_stages = results
+        .configurations
+        .iter()
+        .any(|it| !it.stages.is_empty());
     html! {
         section {
             h2 { "Curves" }

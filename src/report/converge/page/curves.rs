@@ -225,11 +225,10 @@ fn repeats(
 
 /// The decades that values span, with some room at both ends.
 fn decades(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    let (least, most) = values
-        .map(f64::log10)
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
-            (least.min(value), most.max(value))
-        });
+    let (least, most) = values.map(f64::log10).fold(
+        (f64::INFINITY, f64::NEG_INFINITY),
+        |(least, most), value| (least.min(value), most.max(value)),
+    );
     if least > most {
         return [-1.0, 1.0];
     }
@@ -462,7 +461,10 @@ fn labels(
         Annotation::new()
             .x(x)
             .y(y)
-            .text(label_text(&configuration.name, fit.filter(|_| measure.is_fitted)))
+            .text(label_text(
+                &configuration.name,
+                fit.filter(|_| measure.is_fitted),
+            ))
             .font(Font::new().size(12).color(color))
             .x_anchor(Anchor::Left)
             .show_arrow(true)
@@ -558,14 +560,22 @@ fn stages(results: &Results) -> Option<serde_json::Value> {
         };
         let (shares, seconds): (Vec<f64>, Vec<f64>) = timed.iter().map(of).unzip();
         let texts = shares.iter().zip(seconds).map(|(share, seconds)| {
-            format!("<b>{name}</b><br>{}<br>{} CPU s", percent(*share), number(seconds))
+            format!(
+                "<b>{name}</b><br>{}<br>{} CPU s",
+                percent(*share),
+                number(seconds)
+            )
         });
         let bars: Vec<String> = timed.iter().map(|it| escaped(&it.name)).collect();
         plot.add_trace(
             Bar::new(shares.clone(), bars)
                 .name(name)
                 .orientation(Orientation::Horizontal)
-                .marker(Marker::new().color(series_color(index)).opacity(stage_opacity(index)))
+                .marker(
+                    Marker::new()
+                        .color(series_color(index))
+                        .opacity(stage_opacity(index)),
+                )
                 .hover_text_array(texts.collect())
                 .hover_template("%{hovertext}<extra></extra>"),
         );
@@ -595,5 +605,9 @@ fn stages(results: &Results) -> Option<serde_json::Value> {
 
 /// Stages after the colours have been used once are paler.
 fn stage_opacity(index: usize) -> f64 {
-    if index < super::COLORS.len() { 0.95 } else { 0.55 }
+    if index < super::COLORS.len() {
+        0.95
+    } else {
+        0.55
+    }
 }

@@ -93,7 +93,11 @@ mod tests {
         };
         assert_eq!(estimate_text(&known, number), "2.00 [1.50, 2.50]");
         assert_eq!(estimate_text(&single, number), "2.00");
-        assert!(estimate(Some(&known), number).into_string().contains("[1.50, 2.50]"));
+        assert!(
+            estimate(Some(&known), number)
+                .into_string()
+                .contains("[1.50, 2.50]")
+        );
         assert_eq!(estimate(None, number).into_string(), "–");
     }
 }

@@ -37,7 +37,11 @@ fn column(
 ) -> Result<Markup> {
     let Configuration { name, slowest, .. } = configuration;
     let image = embedded(folder, &picture.image, &format!("{name}: image"))?;
-    let error = embedded(folder, &picture.error_image, &format!("{name}: signed error"))?;
+    let error = embedded(
+        folder,
+        &picture.error_image,
+        &format!("{name}: signed error"),
+    )?;
     let map = embedded(folder, &picture.error_map, &format!("{name}: error"))?;
     let size = (results.scene.width, results.scene.height);
     Ok(html! {
@@ -83,7 +87,11 @@ fn embedded(folder: &Path, file: &str, text: &str) -> Result<Markup> {
 /// A ring around a pixel of the picture that it lies over.
 fn mark(pixel: &SlowPixel, (width, height): (u32, u32)) -> Markup {
     let share = |at: u32, of: u32| 100.0 * (f64::from(at) + 0.5) / f64::from(of.max(1));
-    let style = format!("left:{:.3}%;top:{:.3}%", share(pixel.x, width), share(pixel.y, height));
+    let style = format!(
+        "left:{:.3}%;top:{:.3}%",
+        share(pixel.x, width),
+        share(pixel.y, height)
+    );
     let text = format!(
         "column {}, row {}: {} of the squared error",
         pixel.x,

@@ -52,7 +52,9 @@ fn summary_row(index: usize, configuration: &Configuration, goals: &[f64]) -> Ma
     };
     let slope = |fit: Option<super::super::Fit>| {
         let slope = fit.map(|fit| fit.slope);
-        estimate(slope.as_ref(), |slope| format!("{slope:.3}").replace('-', "−"))
+        estimate(slope.as_ref(), |slope| {
+            format!("{slope:.3}").replace('-', "−")
+        })
     };
     html! {
         tr {

@@ -1,0 +1,185 @@
+//! Whether images are wrong on average: signed errors over their standard errors.
+
+use super::errors::{BLOCK, ROUNDING, ReferenceImage, blocks};
+use super::results::{BiasTest, BiasVerdict};
+use super::statistics::two_sided_p;
+use crate::film::Film;
+
+/// Standard errors from which the mean of an image is biased: 1 in 16 000 unbiased ones in a channel.
+const BIASED_Z: f64 = 4.0;
+
+/// Probability, over all blocks, below which the worst block of pixels is biased.
+const BIASED_P: f64 = 0.001;
+
+/// Signed errors per pixel and channel, of one image or of the mean over several, with what is known about
+/// their variance.
+#[derive(Debug, Clone)]
+pub(super) struct SignedErrors {
+    width: u32,
+    /// Images averaged so far.
+    images: f64,
+    /// Sum over the images of value less reference.
+    sum: Vec<[f64; 3]>,
+    /// Sum over the images of the variance of each.
+    variance: Vec<[f64; 3]>,
+    /// Sum over the images of that variance squared over its degrees of freedom.
+    variance_square: Vec<[f64; 3]>,
+    /// Squared error of the reference, the same for all images.
+    noise: Vec<[f64; 3]>,
+    /// Signed error that rounding to f32 explains.
+    rounding: f64,
+}
+
+impl SignedErrors {
+    /// Of one image. `None` unless every pixel has two blocks.
+    pub(super) fn of(film: &Film, reference: &ReferenceImage) -> Option<Self> {
+        let mut errors = Self {
+            width: reference.width,
+            images: 1.0,
+            sum: Vec::with_capacity(film.len()),
+            variance: Vec::with_capacity(film.len()),
+            variance_square: Vec::with_capacity(film.len()),
+            noise: reference.noise.clone(),
+            rounding: ROUNDING * reference.image_mean(),
+        };
+        for pixel in 0..film.len() {
+            let (x, r) = (film.mean(pixel), reference.mean[pixel]);
+            let variance = film.variance(pixel)?;
+            let freedom = (film.blocks(pixel) - 1) as f64;
+            errors.sum.push(std::array::from_fn(|k| x[k] - r[k]));
+            errors.variance.push(variance);
+            errors
+                .variance_square
+                .push(variance.map(|variance| variance * variance / freedom));
+        }
+        Some(errors)
+    }
+
+    /// Adds an independent image held against the same reference.
+    pub(super) fn add(&mut self, other: &Self) {
+        self.images += other.images;
+        let columns = [
+            (&mut self.sum, &other.sum),
+            (&mut self.variance, &other.variance),
+            (&mut self.variance_square, &other.variance_square),
+        ];
+        for (ours, theirs) in columns {
+            for (ours, theirs) in ours.iter_mut().flatten().zip(theirs.iter().flatten()) {
+                *ours += theirs;
+            }
+        }
+    }
+
+    /// Of the mean over these pixels in a channel: the signed error, its variance, and the degrees of
+    /// freedom of that variance (Welch and Satterthwaite).
+    fn over(&self, pixels: &[usize], channel: usize) -> (f64, f64, f64) {
+        let (mut sum, mut variance, mut square) = (0.0, 0.0, 0.0);
+        let (images, n) = (self.images, pixels.len() as f64);
+        for &pixel in pixels {
+            let noise = self.noise[pixel][channel];
+            sum += self.sum[pixel][channel] / images;
+            variance += self.variance[pixel][channel] / (images * images) + noise;
+            // The reference's noise is the square of a single difference: one degree of freedom.
+            square += self.variance_square[pixel][channel] / images.powi(4) + noise * noise;
+        }
+        let freedom = if square > 0.0 {
+            variance * variance / square
+        } else {
+            f64::INFINITY
+        };
+        (sum / n, variance / (n * n), freedom)
+    }
+}
+
+/// What a test of one set of signed errors says.
+#[derive(Debug, Clone)]
+pub(super) struct Test {
+    /// Mean over pixels and channels.
+    pub(super) mean_error: f64,
+    /// Mean over the image over its standard error, in the channel where it is largest.
+    pub(super) z: f64,
+    /// Smallest p of a block in a channel, times the number of both; at most 1.
+    pub(super) block_p: f64,
+    /// Number of that block.
+    pub(super) worst: usize,
+    /// Per block as `z`.
+    pub(super) blocks: Vec<f64>,
+}
+
+/// Tests the image as a whole and each block of pixels.
+pub(super) fn test(errors: &SignedErrors) -> Test {
+    let all: Vec<usize> = (0..errors.sum.len()).collect();
+    let blocks: Vec<(f64, f64)> = blocks(errors.width, all.len())
+        .iter()
+        .map(|pixels| largest(errors, pixels))
+        .collect();
+    let worst = (0..blocks.len())
+        .min_by(|&a, &b| blocks[a].1.total_cmp(&blocks[b].1))
+        .unwrap_or(0);
+    let count = (3 * blocks.len()) as f64;
+    let mean_error = (0..3).map(|k| errors.over(&all, k).0).sum::<f64>() / 3.0;
+    Test {
+        mean_error,
+        z: largest(errors, &all).0,
+        block_p: (count * blocks[worst].1).min(1.0),
+        worst,
+        blocks: blocks.into_iter().map(|(z, _)| z).collect(),
+    }
+}
+
+/// Mean error over standard error in the channel where it is largest in absolute value, and its p alone.
+fn largest(errors: &SignedErrors, pixels: &[usize]) -> (f64, f64) {
+    let of_channel = |channel| {
+        let (mean, variance, freedom) = errors.over(pixels, channel);
+        let beyond = (mean.abs() - errors.rounding).max(0.0).copysign(mean);
+        if beyond == 0.0 {
+            return (0.0, 1.0);
+        }
+        if variance == 0.0 {
+            // An image without noise that differs; finite, for JSON has no infinity.
+            return (1e9f64.copysign(beyond), 0.0);
+        }
+        let z = beyond / variance.sqrt();
+        (z, two_sided_p(z, freedom.min(1e9)))
+    };
+    (0..3)
+        .map(of_channel)
+        .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
+        .expect("there are three channels")
+}
+
+/// The verdict over all repeats of a configuration; `errors` is `None` below two blocks.
+pub(super) fn verdict(errors: Option<&SignedErrors>, by_design: Vec<String>) -> BiasTest {
+    let Some(errors) = errors else {
+        return BiasTest {
+            verdict: BiasVerdict::Untested,
+            mean_error: 0.0,
+            z: None,
+            block_p: None,
+            worst_block: None,
+            block: BLOCK,
+            blocks: Vec::new(),
+            by_design,
+        };
+    };
+    let test = test(errors);
+    let biased = test.z.abs() > BIASED_Z || test.block_p < BIASED_P;
+    let across = errors.width.div_ceil(BLOCK) as usize;
+    BiasTest {
+        verdict: if biased {
+            BiasVerdict::Biased
+        } else {
+            BiasVerdict::NotShown
+        },
+        mean_error: test.mean_error,
+        z: Some(test.z),
+        block_p: Some(test.block_p),
+        worst_block: Some((
+            (test.worst % across) as u32 * BLOCK,
+            (test.worst / across) as u32 * BLOCK,
+        )),
+        block: BLOCK,
+        blocks: test.blocks,
+        by_design,
+    }
+}
