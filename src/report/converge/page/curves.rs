@@ -22,6 +22,8 @@ const BOTTOM: usize = 120;
 const RIGHT: usize = 170;
 /// Least pixels between two labels.
 const LABEL_DISTANCE: f64 = 17.0;
+/// Curves with labels: more would run over the lower edge.
+const MOST_LABELS: usize = 16;
 /// Letters of a name in a label; the legend has all.
 const LABEL_LETTERS: usize = 18;
 /// Share of the range of an axis that is left free at each end.
@@ -437,6 +439,9 @@ fn labels(
     abscissa: Abscissa,
     y_range: [f64; 2],
 ) -> Vec<Annotation> {
+    if curves.len() > MOST_LABELS {
+        return Vec::new();
+    }
     let pixels_per_decade = (HEIGHT - TOP - BOTTOM) as f64 / (y_range[1] - y_range[0]);
     let mut ends: Vec<(usize, f64, f64)> = curves
         .iter()
