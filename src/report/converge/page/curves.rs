@@ -452,11 +452,10 @@ fn labels(
         })
         .collect();
     ends.sort_by(|a, b| b.2.total_cmp(&a.2));
-    let mut free = f64::NEG_INFINITY;
+    let mut place = f64::NEG_INFINITY;
     let label = |(index, x, y): (usize, f64, f64)| {
         let down = (y_range[1] - y) * pixels_per_decade;
-        let place = down.max(free);
-        free = place + LABEL_DISTANCE;
+        place = below(place, down);
         let configuration = &results.configurations[index];
         let fit = match abscissa {
             Abscissa::CpuSeconds => configuration.slope_by_time,
@@ -480,6 +479,11 @@ fn labels(
             .ay(place - down)
     };
     ends.into_iter().map(label).collect()
+}
+
+/// Where a label goes that belongs `down` pixels below the upper edge, if the one above it is at `above`.
+fn below(above: f64, down: f64) -> f64 {
+    down.max(above + LABEL_DISTANCE)
 }
 
 fn label_text(name: &str, fit: Option<Fit>) -> String {
@@ -614,5 +618,89 @@ fn stage_opacity(index: usize) -> f64 {
         0.95
     } else {
         0.55
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(x: f64, value: f64, low: Option<f64>, high: Option<f64>) -> Point {
+        Point {
+            x,
+            y: Estimate { value, low, high },
+            text: String::new(),
+            near_reference: false,
+        }
+    }
+
+    /// The points of a trace.
+    fn drawn(trace: &Scatter<f64, f64>) -> Vec<(f64, f64)> {
+        let trace = serde_json::to_value(trace).unwrap();
+        let of = |axis: &str| -> Vec<f64> { serde_json::from_value(trace[axis].clone()).unwrap() };
+        of("x").into_iter().zip(of("y")).collect()
+    }
+
+    #[test]
+    fn guide_has_the_slope_of_the_law_and_ends_within_the_axes() {
+        let start = point(1.0, 0.1, None, None);
+        for (law, end) in [(-0.5, 1e4), (-1.0, 1e2), (0.0, 1e6)] {
+            let ends = drawn(&guide(&start, [-1.0, 6.0], [-3.0, 0.0], law));
+            let [(x0, y0), (x1, y1)] = ends[..] else {
+                panic!("two ends");
+            };
+            assert!((x0 - 1.0).abs() < 1e-12 && (y0 - 0.1).abs() < 1e-12);
+            assert!((x1 / end - 1.0).abs() < 1e-9, "{law}: {x1}");
+            let slope = (y1 / y0).ln() / (x1 / x0).ln();
+            assert!((slope - law).abs() < 1e-12, "{slope}");
+        }
+    }
+
+    #[test]
+    fn band_runs_along_the_upper_ends_and_back_along_the_lower_ones() {
+        let curve = [
+            point(1.0, 2.0, Some(1.0), Some(3.0)),
+            point(2.0, 1.5, None, None),
+            // An interval that a logarithm cannot show.
+            point(4.0, 1.0, Some(-0.5), Some(2.0)),
+        ];
+        assert_eq!(
+            drawn(&band(&curve, "#000", "")),
+            [(1.0, 3.0), (4.0, 2.0), (4.0, 0.1), (1.0, 1.0)]
+        );
+    }
+
+    #[test]
+    fn axes_span_all_values_with_some_room() {
+        let [left, right] = decades([1.0, 100.0].into_iter());
+        assert!(-0.2 < left && left < 0.0 && 2.0 < right && right < 2.2);
+        let [left, right] = decades([10.0].into_iter());
+        assert!(left < 1.0 && 1.0 < right);
+        assert_eq!(decades(std::iter::empty()), [-1.0, 1.0]);
+    }
+
+    #[test]
+    fn labels_keep_their_place_unless_one_is_in_the_way() {
+        assert_eq!(below(f64::NEG_INFINITY, 5.0), 5.0);
+        assert_eq!(below(5.0, 100.0), 100.0);
+        assert_eq!(below(5.0, 6.0), 5.0 + LABEL_DISTANCE);
+    }
+
+    #[test]
+    fn labels_are_short_and_tell_the_slope() {
+        let slope = Estimate {
+            value: -0.5,
+            low: Some(-0.52),
+            high: Some(-0.48),
+        };
+        let fit = Fit {
+            slope,
+            intercept: 0.0,
+            points: 5,
+        };
+        assert_eq!(label_text("a<b", None), "a&lt;b");
+        assert_eq!(label_text("mis", Some(fit)), "mis −0.50 ± 0.02");
+        let long = label_text("a name of many letters", None);
+        assert_eq!(long, "a name of many le…");
     }
 }

@@ -17,9 +17,25 @@ const FULL_Z: f64 = 6.0;
 /// Slow pixels that are listed.
 const LISTED: usize = 8;
 
-/// A column per configuration: image, signed error, where the error is.
+/// The references, then a column per configuration: image, signed error, where the error is.
 pub(super) fn strip(results: &Results, folder: &Path) -> Result<Markup> {
     let mut columns = Vec::new();
+    for reference in &results.references {
+        if let Some(image) = &reference.image {
+            let image = embedded(folder, image, "reference")?;
+            columns.push(html! {
+                figure.panel {
+                    figcaption {
+                        h3 { "Reference" }
+                        p.small.faint {
+                            "relative error " (optional(reference.relative_error, percent))
+                        }
+                    }
+                    (image)
+                }
+            });
+        }
+    }
     for (index, configuration) in results.configurations.iter().enumerate() {
         if let Some(picture) = &configuration.picture {
             columns.push(column(results, index, configuration, picture, folder)?);

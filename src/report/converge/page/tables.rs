@@ -47,8 +47,8 @@ pub(super) fn summary(results: &Results) -> Markup {
 fn summary_row(index: usize, configuration: &Configuration, goals: &[f64]) -> Markup {
     let last = configuration.checkpoints.last();
     let time_to = |goal: f64| {
-        let found = configuration.times_to_error.iter();
-        found.into_iter().find(move |time| time.error == goal)
+        let mut times = configuration.times_to_error.iter();
+        times.find(|time| time.error == goal)
     };
     let slope = |fit: Option<super::super::Fit>| {
         let slope = fit.map(|fit| fit.slope);
