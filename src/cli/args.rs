@@ -350,7 +350,7 @@ pub(super) struct ConvergeArgs {
     )]
     pub(super) reference_error: f64,
 
-    /// Seconds after which a rendered reference has to be good enough
+    /// CPU seconds after which a rendered reference has to be good enough
     #[arg(
         long,
         value_name = "S",

@@ -105,8 +105,8 @@ pub fn render(
     Ok(Outcome { film, stats, ended })
 }
 
-/// A render that goes on round by round for as long as its owner asks. Its clocks run in rounds alone,
-/// so that the image may be looked at between them at no cost in the figures.
+/// A render that goes on round by round for as long as its owner asks. Its clocks run in rounds alone:
+/// to look at the image between them costs nothing in the figures.
 #[derive(Debug)]
 pub struct Session<'a> {
     compiled: &'a CompiledScene,
@@ -182,6 +182,20 @@ impl<'a> Session<'a> {
     /// Renders the next block, of `samples` ≥ 1 samples per pixel; at most the largest block's. Breaks if
     /// the observer does, the block then being incomplete.
     pub fn round(&mut self, samples: u32, observer: &Observer<'_>) -> ControlFlow<()> {
+        let block = (self.samples, samples);
+        let tiles = 0..self.tiles.count();
+        let items: Vec<WorkItem> = tiles
+            .map(|tile| self.tiles.item(tile, self.blocks, block))
+            .collect();
+        let flow = self.trace(&items, observer);
+        self.blocks += 1;
+        self.samples += u64::from(samples);
+        flow
+    }
+
+    /// Renders work items, of which no two belong to one tile. Breaks if the observer does, some of them
+    /// then being left out.
+    fn trace(&mut self, items: &[WorkItem], observer: &Observer<'_>) -> ControlFlow<()> {
         let shared = Shared {
             film: &self.film,
             observer,
@@ -190,37 +204,29 @@ impl<'a> Session<'a> {
             rays: AtomicU64::new(self.locked_workers().map(|w| w.rays()).sum()),
         };
         let start = Instant::now();
-        let next_tile = AtomicUsize::new(0);
+        let next_item = AtomicUsize::new(0);
         self.pool.broadcast(|context| {
             let mut worker = self.workers[context.index()]
                 .lock()
                 .expect("a worker's lock is its own");
             worker.timed(|worker| {
                 while !shared.interrupted.load(Ordering::Relaxed) {
-                    let tile = next_tile.fetch_add(1, Ordering::Relaxed);
-                    if tile >= self.tiles.count() {
+                    let index = next_item.fetch_add(1, Ordering::Relaxed);
+                    let Some(item) = items.get(index) else {
                         break;
-                    }
-                    let block = (self.samples, samples);
-                    let item = self.tiles.item(tile, self.blocks, block);
-                    let rays = worker.render_item(
-                        self.compiled,
-                        self.reference.as_ref(),
-                        &item,
-                        shared.film,
-                    );
+                    };
+                    let reference = self.reference.as_ref();
+                    let rays = worker.render_item(self.compiled, reference, item, shared.film);
                     shared.rays.fetch_add(rays, Ordering::Relaxed);
                     shared.observe(self.started, || {
-                        let done = (tile + 1) as f64 / self.tiles.count() as f64;
-                        self.progress(self.samples as f64 + done * f64::from(samples))
+                        let done = (index + 1) as f64 / items.len() as f64;
+                        self.progress(self.samples as f64 + done * f64::from(item.samples))
                     });
                 }
             });
         });
         let interrupted = shared.interrupted.into_inner();
         self.wall_seconds += start.elapsed().as_secs_f64();
-        self.blocks += 1;
-        self.samples += u64::from(samples);
         if interrupted {
             ControlFlow::Break(())
         } else {

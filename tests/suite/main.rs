@@ -9,6 +9,7 @@ mod cli;
 mod closed_forms;
 #[path = "../../benches/support/closed_meshes.rs"]
 mod closed_meshes;
+mod converge;
 mod converge_page;
 mod determinism;
 mod extremes;

@@ -27,6 +27,8 @@ mod run;
 mod statistics;
 mod summary;
 mod table;
+#[cfg(test)]
+mod tests;
 
 pub use page::page;
 pub use reference::{ReferenceChoice, ReferenceOptions};
@@ -95,22 +97,5 @@ impl Results {
     /// The results as indented JSON.
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("plain data with string keys always serialises")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn seeds_of_all_streams_differ() {
-        let mut seeds: Vec<u64> = [0, 1, 2, 7, u64::MAX]
-            .into_iter()
-            .flat_map(|base| (0..100).map(move |index| seed(base, index)))
-            .collect();
-        assert!(seeds.iter().all(|seed| seed >> 48 == 0));
-        seeds.sort_unstable();
-        seeds.dedup();
-        assert_eq!(seeds.len(), 500);
     }
 }

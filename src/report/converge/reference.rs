@@ -45,7 +45,7 @@ pub struct ReferenceOptions {
     pub choice: ReferenceChoice,
     /// Relative error at which a rendered one is good enough, as a fraction.
     pub error: f64,
-    /// Wall seconds after which a rendered one has to be good enough.
+    /// CPU seconds of rendering after which it has to be good enough.
     pub seconds: f64,
     /// Folder where rendered ones are stored; it need not exist. `None` stores nothing.
     pub cache: Option<PathBuf>,
@@ -221,7 +221,7 @@ fn rendered(
             }
         }
         let samples = halves[0].samples();
-        let seconds = watch.span().wall_seconds;
+        let seconds: f64 = halves.iter().map(Session::cpu_seconds).sum();
         if samples < next_look && seconds < options.seconds {
             continue;
         }
@@ -234,7 +234,7 @@ fn rendered(
         };
         let error = image.relative_error();
         tell(Event::Progress(&format!(
-            "reference: {} samples per pixel, relative error {:.2} %, {seconds:.0} s",
+            "reference: {} samples per pixel, relative error {:.2} %, {seconds:.0} CPU s",
             2 * samples,
             100.0 * error
         )));

@@ -42,6 +42,18 @@ impl fmt::Display for Results {
         self.time_table(f, width)?;
         for pair in &self.pairs {
             writeln!(f, "{}", pair.verdict)?;
+            let known = |ratio: Option<Estimate>| {
+                ratio.map_or("unknown".to_owned(), |ratio| {
+                    interval(ratio, |x| format!("{x:.3}"))
+                })
+            };
+            writeln!(
+                f,
+                "    times the RMSE at equal samples {}, at equal time {}; times the time at equal error {}",
+                known(pair.equal_samples),
+                known(pair.equal_time),
+                known(pair.equal_error)
+            )?;
         }
         if let Some(ratio) = self.accounting.ratio {
             writeln!(
@@ -60,7 +72,7 @@ impl Results {
     fn end_table(&self, f: &mut fmt::Formatter<'_>, width: usize) -> fmt::Result {
         writeln!(
             f,
-            "\n{:<width$}{:>9}{:>9}{:>9}{:>22}{:>10}{:>8}{:>18}{:>7}{:>8}",
+            "\n{:<width$}{:>9}{:>9}{:>9}{:>24}{:>10}{:>8}{:>18}{:>7}{:>8}",
             "configuration",
             "samples",
             "CPU s",
@@ -93,7 +105,7 @@ impl Results {
                 .map_or("not fitted".to_owned(), |fit| slope(fit.slope));
             writeln!(
                 f,
-                "{:<width$}{:>9.0}{:>9.3}{:>9.3}{error:>22}{estimate:>10}{calibration:>8}{slope:>18}{:>7}{:>8.2}",
+                "{:<width$}{:>9.0}{:>9.3}{:>9.3}{error:>24}{estimate:>10}{calibration:>8}{slope:>18}{:>7}{:>8.2}",
                 configuration.name,
                 end.samples,
                 end.cpu_seconds.value,
@@ -107,7 +119,7 @@ impl Results {
 
     /// Efficiency and the time to each error.
     fn time_table(&self, f: &mut fmt::Formatter<'_>, width: usize) -> fmt::Result {
-        write!(f, "\n{:<width$}{:>22}", "configuration", "efficiency")?;
+        write!(f, "\n{:<width$}{:>24}", "configuration", "efficiency")?;
         let goals = self
             .configurations
             .first()
@@ -120,7 +132,7 @@ impl Results {
             let efficiency = configuration.efficiency.map_or(String::new(), |value| {
                 interval(value, |x| format!("{x:.2}")) + " x"
             });
-            write!(f, "{:<width$}{efficiency:>22}", configuration.name)?;
+            write!(f, "{:<width$}{efficiency:>24}", configuration.name)?;
             for time in &configuration.times_to_error {
                 write!(f, "{:>24}", time_text(time))?;
             }
@@ -140,10 +152,10 @@ fn describe(reference: &ReferenceReport) -> String {
         ReferenceKind::ClosedForm => "reference: the scene's closed form".to_owned(),
         ReferenceKind::File { path } => format!("reference: {path}, {error}"),
         ReferenceKind::Rendered { cached, .. } => format!(
-            "reference: two halves, {} samples per pixel together, {error}, {} in {:.1} s",
+            "reference: two halves, {} samples per pixel together, {error}, {} in {:.1} CPU s",
             reference.samples.unwrap_or(0),
             if *cached { "stored before" } else { "rendered" },
-            reference.time.wall_seconds
+            reference.time.cpu_seconds
         ),
     }
 }

@@ -32,7 +32,7 @@ fn every_scene_of_the_repository_loads_without_warnings() {
             count += 1;
         }
     }
-    assert_eq!(count, 18);
+    assert_eq!(count, 19);
 }
 
 /// Corners of all triangles of a shape, quads split from their first corner.
