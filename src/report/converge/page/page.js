@@ -11,7 +11,9 @@
     const themed = (layout, width) => {
         const style = getComputedStyle(document.documentElement);
         const color = (name) => style.getPropertyValue(name).trim();
-        const axis = (axis) => ({ ...axis, gridcolor: color("--line"), linecolor: color("--line") });
+        // Of a decade in per cent, 2 and 5 are labelled alone: "D2".
+        const steps = (axis) => (axis.type === "log" && axis.tickformat ? { dtick: "D2" } : {});
+        const axis = (axis) => ({ ...axis, ...steps(axis), gridcolor: color("--line"), linecolor: color("--line") });
         const narrow = width < LABELLED_WIDTH;
         return {
             ...layout,
@@ -20,6 +22,7 @@
             plot_bgcolor: "rgba(0,0,0,0)",
             xaxis: axis(layout.xaxis),
             yaxis: axis(layout.yaxis),
+            modebar: { bgcolor: "rgba(0,0,0,0)", color: color("--faint"), activecolor: color("--ink") },
             annotations: narrow ? [] : layout.annotations,
             margin: narrow ? { ...layout.margin, r: 16 } : layout.margin,
             hoverlabel: { bgcolor: color("--panel"), bordercolor: color("--line"), font: { color: color("--ink") } },

@@ -29,7 +29,7 @@ pub(super) fn summary(results: &Results) -> Markup {
                         @for goal in &goals { th { "CPU s to " (percent(*goal)) } }
                         th { "last relative error" }
                         th { "time to unit variance" }
-                        th { "million rays per CPU s" }
+                        th { "Mrays per CPU s" }
                         th { "set up, CPU s" }
                         th { "bias" }
                     }
@@ -58,12 +58,7 @@ fn summary_row(index: usize, configuration: &Configuration, goals: &[f64]) -> Ma
     };
     html! {
         tr {
-            th scope="row" {
-                (swatch(index)) (configuration.name)
-                @if !configuration.overrides.is_empty() {
-                    br; span.interval { (configuration.overrides.join(" ")) }
-                }
-            }
+            th scope="row" { (swatch(index)) (configuration.name) }
             td { (estimate(configuration.efficiency.as_ref(), number)) }
             td { (slope(configuration.slope_by_samples)) }
             td { (slope(configuration.slope_by_time)) }
