@@ -183,6 +183,10 @@ fn page_loads_nothing_and_names_do_not_run() {
 }
 
 #[test]
+#[allow(
+    clippy::print_stderr,
+    reason = "tells the developer that the test did nothing"
+)]
 fn browser_draws_curves_and_shows_values_under_the_mouse() {
     let Some(chromium) = chromium() else {
         eprintln!("skipped: no Chromium on the path, and WAVEPATH_CHROMIUM names none");
