@@ -7,8 +7,8 @@ use crate::error::{Error, Result};
 use crate::film::check_memory;
 use crate::report::SceneReport;
 use crate::report::converge::{
-    Configuration, ConfigurationInput, ConvergeInput, ConvergeSettings, Event, Limit, ReferenceChoice,
-    ReferenceOptions, Schedule, check_folder, converge, same_picture, write,
+    Configuration, ConfigurationInput, ConvergeInput, ConvergeSettings, Event, Limit,
+    ReferenceChoice, ReferenceOptions, Schedule, check_folder, converge, same_picture, write,
 };
 use crate::scene::{self, Budget};
 
