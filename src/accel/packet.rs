@@ -448,13 +448,6 @@ struct Cone {
 }
 
 impl Cone {
-    const NONE: Self = Self {
-        origin: [0.0; 3],
-        shear: [0.0; 2],
-        least: [0.0; 2],
-        slope: [0.0; 2],
-    };
-
     /// Relative to what bounds are, more than all roundings in [`ShearRays`], in the bounds and in
     /// [`Self::meets`] together.
     const SLACK: f32 = 32.0 * f32::EPSILON;

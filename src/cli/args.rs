@@ -6,7 +6,7 @@ use clap::{Parser, Subcommand};
 
 use crate::report::accels::RayKind;
 use crate::scene::procedural::ScalableKind;
-use crate::scene::{AccelKind, AccelQuality, IntegratorKind, SamplerKind, Strategy};
+use crate::scene::{AccelKind, AccelQuality, IntegratorKind, SamplerKind, Strategy, Supersampling};
 
 /// A data-oriented wavefront path tracer for CPUs.
 ///
@@ -35,6 +35,8 @@ pub(super) enum Command {
     Accels(AccelsArgs),
     /// Measure error against run time, and compare settings by it
     Converge(Box<ConvergeArgs>),
+    /// Render figures of the hexagonal room, and a page that shows them
+    Gallery(GalleryArgs),
 }
 
 /// What decides how a scene is compiled.
@@ -111,6 +113,11 @@ pub(super) struct SceneArgs {
     /// scene's, else none are]
     #[arg(long, value_name = "RADIANCE", allow_negative_numbers = true)]
     pub(super) clamp: Option<f64>,
+
+    /// Where in a pixel camera rays pass: on, anywhere in it; off, through its centre; auto, off for
+    /// whitted alone [default: the scene's, else auto]
+    #[arg(long, value_name = "WHERE")]
+    pub(super) supersampling: Option<Supersampling>,
 
     /// Also accumulate albedo, normal and depth of the first hit, as layers of an EXR image
     #[arg(long)]
@@ -408,6 +415,39 @@ pub(super) struct ConvergeArgs {
     /// Pixels down [default: the scene's]
     #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
     pub(super) height: Option<u32>,
+
+    /// Do not tell what is being done
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+}
+
+/// `wavepath gallery`
+///
+/// Renders the hexagonal room by every method and with every change that it is made to show, writes the
+/// pictures as PNG, and a page that has them all, each with its settings, time, error and command. It opens
+/// from disk and needs no other file.
+#[derive(Debug, clap::Args)]
+pub(super) struct GalleryArgs {
+    /// Folder to write to; made if it is not there
+    #[arg(long, value_name = "DIR", default_value = "gallery")]
+    pub(super) out: PathBuf,
+
+    /// Pictures this many times as wide and as high; 0.25 is quick
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 1.0,
+        allow_negative_numbers = true
+    )]
+    pub(super) scale: f64,
+
+    /// Also write small copies of the pictures as JPEG into this folder
+    #[arg(long, value_name = "DIR")]
+    pub(super) thumbnails: Option<PathBuf>,
+
+    /// Worker threads (same pictures) [default: all cores]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) threads: Option<usize>,
 
     /// Do not tell what is being done
     #[arg(short, long)]

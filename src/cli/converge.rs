@@ -7,8 +7,8 @@ use crate::error::{Error, Result};
 use crate::film::check_memory;
 use crate::report::SceneReport;
 use crate::report::converge::{
-    ConfigurationInput, ConvergeInput, ConvergeSettings, Event, Limit, ReferenceChoice,
-    ReferenceOptions, Schedule, check_folder, converge, same_picture, write,
+    Configuration, ConfigurationInput, ConvergeInput, ConvergeSettings, Event, Limit,
+    ReferenceChoice, ReferenceOptions, Schedule, check_folder, converge, same_picture, write,
 };
 use crate::scene::{self, Budget};
 
@@ -77,6 +77,11 @@ pub(super) fn run(args: &ConvergeArgs) -> Result<Status> {
         Event::Progress(text) => note(text),
         Event::Warning(text) => note(&format!("warning: {text}")),
     })?;
+    let is_empty = |configuration: &Configuration| configuration.checkpoints.is_empty();
+    if results.configurations.iter().any(is_empty) {
+        note("interrupted before the first checkpoint; nothing was written");
+        return Ok(Status::Interrupted);
+    }
     write(&results, &folder)?;
     let table = if args.table {
         results.images_table()

@@ -14,7 +14,7 @@ use crate::scene::{
 use super::args::{BudgetArgs, RenderArgs, SceneArgs};
 
 /// Scene of the default command, as a path from the repository's root.
-const BUILT_IN_PATH: &str = "scenes/hexroom.toml";
+pub(super) const BUILT_IN_PATH: &str = "scenes/hexroom.toml";
 
 /// The same scene, for when that file is not there.
 const BUILT_IN_TEXT: &str = include_str!("../../scenes/hexroom.toml");
@@ -53,7 +53,7 @@ impl SceneJob {
     pub(super) fn new(args: &SceneArgs) -> Result<Self> {
         check_scene_args(args)?;
         let watch = Stopwatch::start();
-        let mut scene = scene::load(&args.scene, &args.set)?;
+        let mut scene = load_scene(&args.scene, &args.set)?;
         let load = LoadReport::new(watch.span(), &scene.mesh_files);
         if args.strict {
             check_warnings(&scene)?;
@@ -80,6 +80,7 @@ impl SceneJob {
             transparent_shadows: args.transparent_shadows || defaults.transparent_shadows,
             shadow_bias: args.shadow_bias.or(defaults.shadow_bias),
             clamp: args.clamp.or(defaults.clamp),
+            supersampling: args.supersampling.unwrap_or(defaults.supersampling),
             aux: args.aux,
             force_features: args.force_features || defaults.force_features,
             ..defaults
@@ -94,20 +95,9 @@ impl SceneJob {
 
     /// The scene of the default command, as its file says.
     fn built_in() -> Result<Self> {
-        let path = Path::new(BUILT_IN_PATH);
-        let watch = Stopwatch::start();
-        let scene = if path.exists() {
-            scene::load(path, &[])?
-        } else {
-            scene::parse(BUILT_IN_TEXT, path, &[])?
-        };
-        let load = LoadReport::new(watch.span(), &scene.mesh_files);
-        let settings = RenderSettings::from_defaults(&scene.render);
-        Ok(Self {
-            scene,
-            camera: 0,
-            settings,
-            load,
+        Self::new(&SceneArgs {
+            scene: PathBuf::from(BUILT_IN_PATH),
+            ..SceneArgs::default()
         })
     }
 
@@ -174,6 +164,15 @@ impl RenderJob {
         let halves = if settings.adaptive { 2 } else { 1 };
         check_memory(scene.film.width, scene.film.height, settings.aux, halves)?;
         Ok(self)
+    }
+}
+
+/// The scene in a file, or the program's own copy of the default one where its file is not there.
+fn load_scene(path: &Path, overrides: &[String]) -> Result<SceneDescription> {
+    if path == Path::new(BUILT_IN_PATH) && !path.exists() {
+        scene::parse(BUILT_IN_TEXT, path, overrides)
+    } else {
+        scene::load(path, overrides)
     }
 }
 

@@ -4,6 +4,7 @@ mod accels;
 mod args;
 mod compare;
 mod converge;
+mod gallery;
 mod interrupt;
 mod job;
 mod mesh;
@@ -64,6 +65,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Result<Status> {
         Some(Command::Mesh(args)) => mesh::run(&args),
         Some(Command::Accels(args)) => accels::run(&args),
         Some(Command::Converge(args)) => converge::run(&args),
+        Some(Command::Gallery(args)) => gallery::run(&args),
     }
 }
 

@@ -17,6 +17,20 @@ use super::progress::ProgressDisplay;
 use super::{Status, interrupt, note, print};
 
 pub(super) fn run(job: &RenderJob) -> Result<Status> {
+    let report = execute(job)?;
+    if !job.quiet {
+        print(&format!("{report}{}", places(&report.result.images)))?;
+    }
+    if report.result.ended != EndReason::Interrupted {
+        return Ok(Status::Done);
+    }
+    note(&interruption(&report));
+    Ok(Status::Interrupted)
+}
+
+/// Renders, shows progress, writes the images and the report, and returns it. Ctrl-C ends the render,
+/// not the rest.
+pub(super) fn execute(job: &RenderJob) -> Result<RenderReport> {
     let SceneJob {
         scene,
         camera,
@@ -92,14 +106,7 @@ pub(super) fn run(job: &RenderJob) -> Result<Status> {
     if let Some(path) = &job.report {
         write_json(path, &report)?;
     }
-    if !job.quiet {
-        print(&format!("{report}{}", places(&images)))?;
-    }
-    if outcome.ended != EndReason::Interrupted {
-        return Ok(Status::Done);
-    }
-    note(&interruption(&report));
-    Ok(Status::Interrupted)
+    Ok(report)
 }
 
 /// Writes every image that was asked for and returns where they are. A film without a sample is no
@@ -139,10 +146,10 @@ fn write_json(path: &Path, report: &RenderReport) -> Result<()> {
     })
 }
 
-fn places(images: &[PathBuf]) -> String {
+fn places(images: &[String]) -> String {
     images
         .iter()
-        .map(|path| format!("wrote {}\n", path.display()))
+        .map(|path| format!("wrote {path}\n"))
         .collect()
 }
 

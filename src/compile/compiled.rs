@@ -759,6 +759,7 @@ fn features(tables: &Tables<'_>, lights: &LightTable, settings: &RenderSettings)
         Features::GLASS_SPLITS,
     );
     add(whitted, Features::WHITTED);
+    add(!settings.supersamples(), Features::PIXEL_CENTRES);
     add(
         shadow_rays && settings.transparent_shadows && used(MaterialKind::Dielectric),
         Features::TRANSPARENT_SHADOWS,

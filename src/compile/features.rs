@@ -60,9 +60,10 @@ impl Features {
     pub const LIGHT_SAMPLES: Self = Self(1 << 26);
     /// Path tracing follows both branches at glass.
     pub const GLASS_SPLITS: Self = Self(1 << 27);
-
     /// Secondary rays start off their surface by a fixed bias.
     pub const SHADOW_BIAS: Self = Self(1 << 28);
+    /// Camera rays pass through the centres of pixels.
+    pub const PIXEL_CENTRES: Self = Self(1 << 29);
 
     /// What a scene can have, as opposed to what settings ask for.
     pub const SCENE: Self = Self(kinds::ALL)
@@ -78,7 +79,7 @@ impl Features {
         .with(Self::TEXTURES)
         .with(Self::OPACITY);
 
-    const NAMES: [(Self, &'static str); 26] = [
+    const NAMES: [(Self, &'static str); 27] = [
         (Self::TRIANGLES, "triangles"),
         (Self::SPHERES, "spheres"),
         (Self::LAMBERTIAN, "Lambertian surfaces"),
@@ -103,6 +104,7 @@ impl Features {
         (Self::GLASS_SPLITS, "splitting at glass"),
         (Self::WHITTED, "Whitted's transport"),
         (Self::TRANSPARENT_SHADOWS, "transparent shadows"),
+        (Self::PIXEL_CENTRES, "rays through pixel centres"),
         (Self::AUX, "auxiliary images"),
         (Self::SHADOW_BIAS, "shadow bias"),
     ];

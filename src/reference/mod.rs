@@ -72,6 +72,7 @@ pub struct Reference {
     /// The light that is the background, if shadow rays look for it.
     background_light: Option<usize>,
     whitted: bool,
+    supersamples: bool,
     strategy: Strategy,
     seed: u64,
     max_depth: u32,
@@ -140,6 +141,7 @@ impl Reference {
             lights,
             background_light,
             whitted,
+            supersamples: settings.supersamples(),
             strategy: settings.strategy,
             seed: settings.seed,
             max_depth: settings.max_depth.unwrap_or(u32::MAX),
@@ -152,14 +154,14 @@ impl Reference {
     }
 
     /// Radiance of one camera sample, W·sr⁻¹·m⁻², linear RGB; the pixel's value is the mean over
-    /// samples (box filter). Depends on nothing but the seed, the pixel and the sample. Whitted's
-    /// method looks through the pixel's centre. Adds the rays traced to `counts`.
+    /// samples (box filter, or its centre without supersampling). Depends on nothing but the seed, the
+    /// pixel and the sample. Adds the rays traced to `counts`.
     pub fn sample(&self, pixel_x: u32, pixel_y: u32, sample: u64, counts: &mut RayCounts) -> DVec3 {
         let mut random = Random::new(self.seed, pixel_x, pixel_y, sample);
-        let jitter = if self.whitted {
-            [0.5; 2]
-        } else {
+        let jitter = if self.supersamples {
             random.next_2d()
+        } else {
+            [0.5; 2]
         };
         let ray = self.camera_ray([
             f64::from(pixel_x) + jitter[0],

@@ -3,6 +3,8 @@
 pub mod accels;
 mod clock;
 pub mod converge;
+pub mod gallery;
+mod html;
 mod load;
 mod machine;
 mod summary;
@@ -15,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::film::Film;
 use crate::integrator::stats::{DepthStats, EndReason, RenderStats};
-use crate::scene::RenderSettings;
+use crate::scene::{IntegratorKind, RenderSettings};
 use crate::wave::Rejections;
 
 /// Version of the JSON format; it changes when a field changes its meaning or disappears.
@@ -366,6 +368,9 @@ pub fn bias(settings: &RenderSettings, stats: &RenderStats) -> Vec<String> {
     if settings.transparent_shadows {
         bias.push("transparent shadows: light passes straight through glass".to_owned());
     }
+    if settings.integrator != IntegratorKind::Whitted && !settings.supersamples() {
+        bias.push("no supersampling: rays through the centres of pixels".to_owned());
+    }
     if let (Some(depth), 1..) = (settings.max_depth, stats.truncated) {
         bias.push(format!(
             "depth limit {depth}: {} paths cut",
@@ -404,6 +409,7 @@ fn ratio(a: f64, b: f64) -> f64 {
 pub(crate) mod tests {
     use super::*;
     use crate::integrator::stats::StageStats;
+    use crate::scene::Supersampling;
 
     /// The report of a small invented render.
     pub(crate) fn sample() -> RenderReport {
@@ -549,12 +555,13 @@ pub(crate) mod tests {
         };
         let biased = RenderSettings {
             transparent_shadows: true,
+            supersampling: Supersampling::Off,
             shadow_bias: Some(1e-3),
             clamp: Some(10.0),
             max_depth: Some(3),
             ..RenderSettings::default()
         };
-        assert_eq!(bias(&biased, &stats).len(), 5);
+        assert_eq!(bias(&biased, &stats).len(), 6);
         assert!(bias(&RenderSettings::default(), &RenderStats::default()).is_empty());
     }
 

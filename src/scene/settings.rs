@@ -74,6 +74,18 @@ pub enum AccelQuality {
     Best,
 }
 
+/// Where in a pixel camera rays pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Supersampling {
+    /// Off for Whitted's method, else on.
+    Auto,
+    /// Anywhere in it: edges are smooth.
+    On,
+    /// Through its centre: edges are stairs.
+    Off,
+}
+
 /// What ends a render; the first limit reached does.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -119,6 +131,8 @@ pub struct RenderDefaults {
     pub clamp: Option<f64>,
     /// More samples where the error is large.
     pub adaptive: Option<bool>,
+    /// Where in a pixel camera rays pass.
+    pub supersampling: Option<Supersampling>,
     /// Seed.
     pub seed: Option<u64>,
     /// Paths in flight per worker, 1 ..= [`MAX_WAVE`].
@@ -180,6 +194,8 @@ pub struct RenderSettings {
     pub clamp: Option<f64>,
     /// Give tiles with larger estimated error more samples; see [`crate::integrator::adaptive`].
     pub adaptive: bool,
+    /// Where in a pixel camera rays pass.
+    pub supersampling: Supersampling,
     /// Also accumulate albedo, normal and depth of the first hit.
     pub aux: bool,
     /// Run the kernels that can do everything, though the scene does not need them. Does not change the picture.
@@ -207,6 +223,7 @@ impl Default for RenderSettings {
             shadow_bias: None,
             clamp: None,
             adaptive: false,
+            supersampling: Supersampling::Auto,
             aux: false,
             force_features: false,
         }
@@ -234,11 +251,21 @@ impl RenderSettings {
             shadow_bias: defaults.shadow_bias,
             clamp: defaults.clamp,
             adaptive: defaults.adaptive.unwrap_or(base.adaptive),
+            supersampling: defaults.supersampling.unwrap_or(base.supersampling),
             seed: defaults.seed.unwrap_or(base.seed),
             wave: defaults.wave.unwrap_or(base.wave),
             block: defaults.block.unwrap_or(base.block),
             force_features: defaults.force_features.unwrap_or(base.force_features),
             ..base
+        }
+    }
+
+    /// Whether camera rays pass anywhere in a pixel rather than through its centre.
+    pub fn supersamples(&self) -> bool {
+        match self.supersampling {
+            Supersampling::Auto => self.integrator != IntegratorKind::Whitted,
+            Supersampling::On => true,
+            Supersampling::Off => false,
         }
     }
 }

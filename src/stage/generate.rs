@@ -29,7 +29,7 @@ pub(super) fn generate<const F: u32>(scene: &CompiledScene, item: &WorkItem, wav
         let (x, y, sample) = item.locate(path);
         let pixel = y * U32s::splat(item.image_width) + x;
         let mut random = Pcg32s::for_paths(scene.seed, pixel, item.first_sample, sample);
-        let jitter = if whitted {
+        let jitter = if scene.on::<F>(Features::PIXEL_CENTRES) {
             [F32s::splat(0.5); 2]
         } else {
             Numbers::of_camera::<F>(scene, item, random, pixel, sample).pair::<0>()

@@ -59,6 +59,7 @@ const IN_CODE: Features = Features::TRIANGLES
     .with(Features::LIGHT_SAMPLES)
     .with(Features::GLASS_SPLITS)
     .with(Features::WHITTED)
+    .with(Features::PIXEL_CENTRES)
     .with(Features::TRANSPARENT_SHADOWS)
     .with(Features::SHADOW_BIAS);
 

@@ -887,3 +887,47 @@ fn warnings_are_one_error_when_strict() {
     let output = succeed(wavepath(&directory).args(["plan", "a.obj"]));
     assert_eq!(stderr(&output).lines().count(), 2, "{}", stderr(&output));
 }
+
+#[test]
+fn gallery_is_a_page_with_every_picture_and_the_command_that_repeats_it() {
+    let directory = directory();
+    let place = |name: &str| directory.path().join(name);
+    let arguments = [
+        "gallery",
+        "--scale=0.04",
+        "--out=pictures",
+        "--thumbnails=small",
+    ];
+    let output = succeed(wavepath(&directory).args(arguments).arg("-q"));
+    assert_eq!(stdout(&output), "");
+    let page = fs::read_to_string(place("pictures/index.html")).unwrap();
+    let names: Vec<String> = fs::read_dir(place("pictures"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name != "index.html")
+        .collect();
+    assert!(names.len() >= 16, "{names:?}");
+    for name in &names {
+        assert!(page.contains(&format!("href=\"{name}\"")), "{name}");
+        let small = place("small").join(name).with_extension("jpg");
+        assert_eq!(png_size(&small), (200, 200));
+    }
+    assert_eq!(
+        page.matches("src=\"data:image/png;base64,").count(),
+        names.len()
+    );
+
+    // The options of one of them, as the page has them, make its file again.
+    succeed(
+        wavepath(&directory)
+            .args(["render", "scenes/hexroom.toml", "--spp=100", "-q"])
+            .args(["--width=16", "--height=16", "-o", "again.png"]),
+    );
+    assert_eq!(
+        fs::read(place("again.png")).unwrap(),
+        fs::read(place("pictures/100spp.png")).unwrap()
+    );
+
+    let message = refuse(wavepath(&directory).args(["gallery", "--scale=0"]));
+    assert!(message.contains("--scale"), "{message}");
+}

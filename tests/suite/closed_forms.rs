@@ -6,7 +6,7 @@ use glam::DVec3;
 use wavepath::reference::RayCounts;
 use wavepath::scene::{
     BsdfDescription, CameraDescription, Fresnel, Projection, RenderSettings, SceneDescription,
-    Strategy,
+    Strategy, Supersampling,
 };
 
 use crate::builder::{SceneBuilder, busy_room, glass, glowing_room, lambertian, mirror};
@@ -390,7 +390,17 @@ fn pixels_run_right_and_down_and_are_box_filtered(by: Renderer) {
         [0.0, 0.0, -2.0],
     );
     let scene = scene.build();
-    for (settings, second) in [(path(Strategy::Mis, 1), 0.4), (whitted(1), 0.0)] {
+    // Without supersampling the centre of the pixel decides, in Whitted's method unless asked for.
+    let set = |supersampling, settings| RenderSettings {
+        supersampling,
+        ..settings
+    };
+    for (settings, second) in [
+        (path(Strategy::Mis, 1), 0.4),
+        (whitted(1), 0.0),
+        (set(Supersampling::Off, path(Strategy::Mis, 1)), 0.0),
+        (set(Supersampling::On, whitted(1)), 0.4),
+    ] {
         let (image, _) = by.image(&scene, &settings, [3, 2], 10_000);
         for (pixel, expected) in [1.0, second, 0.0, 0.0, 0.0, 0.0].into_iter().enumerate() {
             let tolerance = 4.0 * image.variance_of_mean[pixel][0].sqrt();

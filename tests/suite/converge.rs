@@ -42,7 +42,7 @@ impl Comparison<'_> {
             threads: 1,
             reference: ReferenceOptions {
                 choice: ReferenceChoice::Auto,
-                error: 0.05,
+                error: 0.08,
                 seconds: 20.0,
                 cache: None,
             },
@@ -119,7 +119,7 @@ fn independent_samples_have_slope_one_half_where_the_image_is_known_and_strata_a
         };
         let [low, high] = slope(independent);
         assert!(
-            low < -0.5 && high > -0.5 && high - low < 0.1,
+            low < -0.5 && high > -0.5 && high - low < 0.15,
             "{scene}: {low} to {high}"
         );
         assert_eq!(independent.bias.verdict, BiasVerdict::NotShown, "{scene}");
@@ -303,8 +303,10 @@ fn command_writes_its_files_and_accounts_for_its_time() {
         folder.path(),
         &[
             scene.to_str().unwrap(),
-            "--spp=64",
-            "--repeats=3",
+            "--spp=32",
+            "--repeats=2",
+            "--width=128",
+            "--height=128",
             "--threads=1",
             "--vary",
             "strategy=mis,bsdf",
@@ -323,8 +325,9 @@ fn command_writes_its_files_and_accounts_for_its_time() {
     assert_eq!(results.configurations.len(), 2);
     assert!(results.noise.is_some() && !results.definitions.is_empty());
     let csv = std::fs::read_to_string(out.join("converge.csv")).unwrap();
-    assert_eq!(csv.lines().count(), 1 + 2 * 3 * 7);
-    // What the curves say was rendered is what the process says, as far as passes are long enough.
+    assert_eq!(csv.lines().count(), 1 + 2 * 2 * 6);
+    // What the curves say was rendered is what the process says, to 2 % and the time that it takes to start
+    // and end some fifty passes.
     let accounting = results.accounting;
     let missing = accounting.process_cpu_seconds - accounting.curves_cpu_seconds;
     assert!(

@@ -3,12 +3,14 @@
 mod agreement;
 mod appearance;
 mod auxiliary;
+mod browser;
 mod builder;
 mod cli;
 mod closed_forms;
 #[path = "../../benches/support/closed_meshes.rs"]
 mod closed_meshes;
 mod converge;
+mod converge_page;
 mod determinism;
 mod extremes;
 mod features;

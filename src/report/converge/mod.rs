@@ -19,6 +19,7 @@ mod errors;
 mod judge;
 mod key;
 mod noise;
+mod page;
 mod pictures;
 mod reference;
 mod results;
@@ -29,6 +30,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
+pub use page::page;
 pub use reference::{ReferenceChoice, ReferenceOptions};
 pub use results::*;
 pub use run::{ConfigurationInput, ConvergeInput, Schedule, converge};
@@ -77,10 +79,11 @@ pub fn check_folder(folder: &Path) -> Result<()> {
     crate::film::check_writable(&folder.join("converge.json"))
 }
 
-/// Writes `converge.json` and `converge.csv`.
+/// Writes `converge.json`, `converge.csv` and `index.html`. The pictures must be in the folder.
 pub fn write(results: &Results, folder: &Path) -> Result<()> {
     write_text(&folder.join("converge.json"), &(results.to_json() + "\n"))?;
-    write_text(&folder.join("converge.csv"), &csv::table(results))
+    write_text(&folder.join("converge.csv"), &csv::table(results))?;
+    write_text(&folder.join("index.html"), &page(results, folder)?)
 }
 
 fn write_text(path: &Path, text: &str) -> Result<()> {

@@ -19,7 +19,7 @@ impl Results {
         );
         let mut line = |cells: [&str; 7]| {
             let [image, samples, cells @ ..] = cells;
-            let cells: String = cells.iter().map(|cell| format!("{cell:>24}")).collect();
+            let cells: String = cells.iter().map(|cell| format!(" {cell:>28}")).collect();
             writeln!(text, "{image:<14}{samples:>8}{cells}").expect("writing to a string");
         };
         line([

@@ -269,7 +269,7 @@ fn bias_of_one_block_of_pixels_is_found_though_the_mean_is_right() {
     let mut film = image(64, 7, &gaussian(1.0, 0.5));
     for y in 32..48 {
         for x in 48..64 {
-            film.add_block((y * WIDTH + x) as usize, 8, [8.8; 3]);
+            film.add_block((y * WIDTH + x) as usize, 8, [12.0; 3]);
         }
     }
     let bias = verdict(SignedErrors::of(&film, &reference).as_ref(), Vec::new());
