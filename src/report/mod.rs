@@ -4,6 +4,7 @@ pub mod accels;
 mod clock;
 mod load;
 mod machine;
+pub mod stability;
 mod summary;
 
 pub use clock::{Span, Stopwatch, peak_memory};

@@ -6,8 +6,6 @@ mod auxiliary;
 mod builder;
 mod cli;
 mod closed_forms;
-#[path = "../../benches/support/closed_meshes.rs"]
-mod closed_meshes;
 mod determinism;
 mod extremes;
 mod features;
@@ -16,7 +14,6 @@ mod hits;
 #[path = "../../benches/support/mesh_scenes.rs"]
 mod mesh_scenes;
 mod meshes;
-mod oracles;
 mod reference;
 mod renderer;
 mod support;
