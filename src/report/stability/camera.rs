@@ -153,12 +153,12 @@ pub(super) fn eyes(trial: &mut Trial<'_>) -> Result<()> {
 
 pub(super) fn coverage(trial: &mut Trial<'_>) -> Result<()> {
     let samples = trial.count(1_024);
-    for (distance, fov) in [(5.0, 40f64), (1e5, 1e-3), (1.000_001, 179.0), (1e7, 1e-5)] {
+    for (distance, fov) in [(5.0, 40f64), (1e5, 2e-3), (1.000_001, 179.0), (1e7, 2e-5)] {
         // A cone of half angle asin(r/d) about the axis cuts the image plane in a circle.
         let size: f64 = 1.0 / distance;
         let tan = size / (1.0 - size * size).sqrt();
         let half = (fov.to_radians() / 2.0).tan();
-        // Of which the picture may show a part only.
+        // All of the disc is in the picture, or all of the picture is on the disc.
         let expected = (PI * (tan / half).powi(2) / 4.0).min(1.0);
         let mut scene = SceneBuilder::new();
         let light = scene.one_sided(BsdfDescription::Black, 1.0);

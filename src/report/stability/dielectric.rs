@@ -66,6 +66,10 @@ impl Look {
     }
 }
 
+/// Cosine on the far side below which a look counts as next to the critical angle: there the root
+/// magnifies roundings of n²·cos² by more than their half over this.
+const NEAR_CRITICAL: f64 = 0.5;
+
 pub(super) fn total_reflection(trial: &mut Trial<'_>) -> Result<()> {
     let count = trial.count(100_000);
     for ior in [1.5f32, 1.75, 2.4, 3.0, 1.0 / 1.5] {
@@ -84,8 +88,7 @@ pub(super) fn total_reflection(trial: &mut Trial<'_>) -> Result<()> {
             let cos2_t = look.cos2_t();
             if cos2_t > 0.0 {
                 let error = (first(look.branches.refracted.z).abs() - cos2_t.sqrt()).abs();
-                if cos2_t < 1e-2 {
-                    // Next to the critical angle the root magnifies the rounding of the cosine.
+                if cos2_t < NEAR_CRITICAL * NEAR_CRITICAL {
                     cos_near = max_or_nan(cos_near, if cos2_t > 1e-6 { error } else { 0.0 });
                 } else {
                     cos_far = max_or_nan(cos_far, error);

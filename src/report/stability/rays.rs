@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::accel::{Accel, AccelCounters, HitBatch, RayBatch};
 use crate::geometry::PrimitiveId;
 use crate::math::LANES;
+use crate::math::float::flush_denormals;
 
 /// Rays in columns.
 #[derive(Debug, Default, Clone)]
@@ -51,19 +52,23 @@ impl Rays {
         skip.resize(size, PrimitiveId::NONE);
         let (mut t, mut primitive) = (vec![0.0; size], vec![0; size]);
         let [ox, oy, oz, dx, dy, dz] = &columns;
-        accel.closest(
-            RayBatch {
-                len,
-                origin: [ox, oy, oz],
-                direction: [dx, dy, dz],
-                skip: &skip,
-            },
-            HitBatch {
-                t: &mut t,
-                primitive: &mut primitive,
-            },
-            &mut AccelCounters::default(),
-        );
+        let rays = RayBatch {
+            len,
+            origin: [ox, oy, oz],
+            direction: [dx, dy, dz],
+            skip: &skip,
+        };
+        let hits = HitBatch {
+            t: &mut t,
+            primitive: &mut primitive,
+        };
+        // On a thread of its own, which flushes denormals as the renderer's do.
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                flush_denormals();
+                accel.closest(rays, hits, &mut AccelCounters::default());
+            });
+        });
         t.into_iter().zip(primitive).take(len).collect()
     }
 }

@@ -75,16 +75,16 @@ pub(super) fn far_spheres(trial: &mut Trial<'_>) -> Result<()> {
     let count = trial.count(200_000);
     for ratio in [2f32, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6] {
         let mut random = Random(19);
-        let radius = 0.7;
-        let center = narrow(random.direction() * f64::from(ratio * radius));
+        let (radius, center) = (0.7, [0.0; 3]);
+        let eye = narrow(random.direction() * f64::from(ratio * radius));
         let (mut wrong, mut unexplained, mut off_sphere) = (0, 0, 0.0);
         // The distance of the centre from the ray is known to γ(8)·D: nearer to the rim nothing is.
         let slack = 2.0 * f64::from(gamma(8)) * f64::from(ratio);
         let shot = || {
             let aside = 1.05 * f64::from(radius) * random.uniform() * random.direction();
             Shot {
-                origin: [0.0; 3],
-                direction: narrow((wide(center) + aside).normalize()),
+                origin: eye,
+                direction: narrow((aside - wide(eye)).normalize()),
             }
         };
         shoot(center, radius, false, count, shot, |shot, t, point| {
@@ -93,7 +93,7 @@ pub(super) fn far_spheres(trial: &mut Trial<'_>) -> Result<()> {
                 wrong += 1;
                 unexplained += u64::from(inside.abs() > slack);
             } else if t.is_finite() {
-                let off = (point - wide(center)).length() / f64::from(radius) - 1.0;
+                let off = point.length() / f64::from(radius) - 1.0;
                 off_sphere = max_or_nan(off_sphere, off.abs());
             }
         });
@@ -177,15 +177,20 @@ pub(super) fn ground_sphere(trial: &mut Trial<'_>) -> Result<()> {
     // A planet seen from a metre above it, and a pellet seen from ten metres.
     for (radius, distance) in [(1e5f32, 1e5 + 1.0), (1e7, 1e7 + 2.0), (1e-4, 10.0)] {
         let mut random = Random(22);
-        let center = [0.0, 0.0, -distance];
+        // The eye is at the origin of the one, the middle of the other.
+        let (center, eye) = if radius > 1.0 {
+            ([0.0, 0.0, -distance], [0.0; 3])
+        } else {
+            ([0.0; 3], [0.0, 0.0, distance])
+        };
         let reach = f64::from(radius.min(2.0));
         let target = if radius > 1.0 {
             DVec3::new(0.0, 0.0, f64::from(radius - distance))
         } else {
-            wide(center)
+            -wide(eye)
         };
         let shot = || Shot {
-            origin: [0.0; 3],
+            origin: eye,
             direction: narrow(
                 (target + reach * 0.9 * random.uniform() * random.direction()).normalize(),
             ),

@@ -192,18 +192,34 @@ impl<'a> Trial<'a> {
         &mut self,
         extreme: impl Into<String>,
         oracle: &str,
+        measure: impl FnMut(&mut Self, Structure) -> Result<Figure>,
+    ) -> Result<()> {
+        self.on(self.structures, extreme, oracle, measure)
+    }
+
+    /// Measures on these structures; the largest deviation counts. Without any there is no finding.
+    ///
+    /// # Errors
+    /// Those of `measure`.
+    pub(super) fn on(
+        &mut self,
+        structures: &[Structure],
+        extreme: impl Into<String>,
+        oracle: &str,
         mut measure: impl FnMut(&mut Self, Structure) -> Result<Figure>,
     ) -> Result<()> {
         let mut figures: Vec<(Structure, Figure)> = Vec::new();
-        for &structure in self.structures {
+        for &structure in structures {
             let figure = measure(self, structure)?;
             figures.push((structure, figure));
         }
         let worst = figures
             .iter()
             .map(|(_, figure)| *figure)
-            .max_by(|a, b| a.finite().total_cmp(&b.finite()))
-            .expect("there is a structure");
+            .max_by(|a, b| a.finite().total_cmp(&b.finite()));
+        let Some(worst) = worst else {
+            return Ok(());
+        };
         let samples = figures.iter().map(|(_, figure)| figure.samples).sum();
         let parts = figures
             .iter()
