@@ -93,6 +93,16 @@ pub(super) struct SceneArgs {
     #[arg(long)]
     pub(super) transparent_shadows: bool,
 
+    /// Start secondary rays this far off their surface, in scene units, instead of where rounding errors
+    /// say: shows what a bias set by hand does to a picture (biased)
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
+    pub(super) shadow_bias: Option<f64>,
+
+    /// Darken camera samples whose brightest channel is above this radiance to it (biased) [default: the
+    /// scene's, else none are]
+    #[arg(long, value_name = "RADIANCE", allow_negative_numbers = true)]
+    pub(super) clamp: Option<f64>,
+
     /// Also accumulate albedo, normal and depth of the first hit, as layers of an EXR image
     #[arg(long)]
     pub(super) aux: bool,

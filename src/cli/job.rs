@@ -27,6 +27,9 @@ pub(super) const MAX_THREADS: usize = 4096;
 /// Most paths in flight per thread: a few GiB of queues.
 pub(super) const MAX_WAVE: usize = 1 << 24;
 
+/// Largest fixed bias of secondary rays, as for coordinates.
+const MAX_SHADOW_BIAS: f64 = 1.8e18;
+
 /// A loaded scene with the settings and the camera to look with. The film's size is the wanted one.
 #[derive(Debug)]
 pub(super) struct SceneJob {
@@ -75,6 +78,8 @@ impl SceneJob {
             max_depth: args.max_depth.or(defaults.max_depth),
             roulette_depth: args.roulette_depth.unwrap_or(defaults.roulette_depth),
             transparent_shadows: args.transparent_shadows || defaults.transparent_shadows,
+            shadow_bias: args.shadow_bias.or(defaults.shadow_bias),
+            clamp: args.clamp.or(defaults.clamp),
             aux: args.aux,
             force_features: args.force_features,
             ..defaults
@@ -171,6 +176,11 @@ fn check_scene_args(args: &SceneArgs) -> Result<()> {
     check_range("--height", args.height, 1, MAX_SIDE)?;
     check_range("--max-depth", args.max_depth, 1, u32::MAX)?;
     check_range("--wave", args.wave, 1, MAX_WAVE)?;
+    check_positive("--clamp", args.clamp)?;
+    if args.shadow_bias.is_some_and(f64::is_nan) {
+        return Err(Error::usage("--shadow-bias must be a number"));
+    }
+    check_range("--shadow-bias", args.shadow_bias, 0.0, MAX_SHADOW_BIAS)?;
     check_range("--block", args.block, 1, MAX_BLOCK)
 }
 

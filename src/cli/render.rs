@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 
 use crate::compile::compile_with_progress;
 use crate::error::{Error, Result};
-use crate::film::{Film, Provenance, write_atomically, write_image};
-use crate::integrator::{self, plan::Plan, stats::EndReason};
-use crate::report::{Build, Machine, RenderReport, ReportInput, SceneReport, Stopwatch, Times};
+use crate::film::{Provenance, write_atomically, write_image};
+use crate::integrator::{self, Outcome, plan::Plan, stats::EndReason};
+use crate::report::{
+    Build, Machine, RenderReport, ReportInput, SceneReport, Stopwatch, Times, bias,
+};
 
 use super::job::{RenderJob, SceneJob};
 use super::progress::ProgressDisplay;
@@ -55,7 +57,7 @@ pub(super) fn run(job: &RenderJob) -> Result<Status> {
     let outcome = outcome?;
 
     let watch = Stopwatch::start();
-    let images = write_images(job, &outcome.film)?;
+    let images = write_images(job, &outcome)?;
     let write = watch.span();
 
     let plan = Plan::new(&compiled, settings);
@@ -100,7 +102,8 @@ pub(super) fn run(job: &RenderJob) -> Result<Status> {
 
 /// Writes every image that was asked for and returns where they are. A film without a sample is no
 /// picture and does not replace one.
-fn write_images(job: &RenderJob, film: &Film) -> Result<Vec<PathBuf>> {
+fn write_images(job: &RenderJob, outcome: &Outcome) -> Result<Vec<PathBuf>> {
+    let film = &outcome.film;
     if film.total_samples() == 0 {
         return Ok(Vec::new());
     }
@@ -116,6 +119,7 @@ fn write_images(job: &RenderJob, film: &Film) -> Result<Vec<PathBuf>> {
         ),
         software: format!("wavepath {} ({})", build.version, build.commit),
         seed: settings.seed,
+        bias: bias(settings, &outcome.stats),
     };
     for path in &job.images {
         write_image(path, film, scene.film.exposure, &provenance)?;

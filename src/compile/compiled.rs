@@ -91,6 +91,9 @@ pub struct CompiledScene {
     pub center: DVec3,
     /// Bound on the error of a sampled light point, scene units: shadow rays end this much earlier.
     pub light_point_error: f32,
+    /// Fixed distance of secondary rays from their surface, scene units; without effect unless the features
+    /// have it.
+    pub shadow_bias: f32,
     /// Faces left out because they have no area in f32.
     pub dropped: usize,
     /// Strategy.
@@ -234,6 +237,7 @@ pub fn compile_with_progress(
         background,
         center: bounds.center,
         light_point_error: bounds.light_point_error(),
+        shadow_bias: settings.shadow_bias.unwrap_or(0.0) as f32,
         dropped: tables.dropped,
         strategy: settings.strategy,
         max_depth: settings.max_depth,
@@ -748,6 +752,10 @@ fn features(tables: &Tables<'_>, lights: &LightTable, settings: &RenderSettings)
         Features::TRANSPARENT_SHADOWS,
     );
     add(settings.aux, Features::AUX);
+    add(
+        settings.shadow_bias.is_some() && deep,
+        Features::SHADOW_BIAS,
+    );
     if settings.force_features {
         features |= Features::SCENE;
     }

@@ -55,6 +55,9 @@ impl Features {
     /// Surfaces that let part of the light go straight on.
     pub const OPACITY: Self = Self(1 << 24);
 
+    /// Secondary rays start off their surface by a fixed bias.
+    pub const SHADOW_BIAS: Self = Self(1 << 28);
+
     /// What a scene can have, as opposed to what settings ask for.
     pub const SCENE: Self = Self(kinds::ALL)
         .with(Self::TRIANGLES)
@@ -69,7 +72,7 @@ impl Features {
         .with(Self::TEXTURES)
         .with(Self::OPACITY);
 
-    const NAMES: [(Self, &'static str); 22] = [
+    const NAMES: [(Self, &'static str); 23] = [
         (Self::TRIANGLES, "triangles"),
         (Self::SPHERES, "spheres"),
         (Self::LAMBERTIAN, "Lambertian surfaces"),
@@ -92,6 +95,7 @@ impl Features {
         (Self::WHITTED, "Whitted's transport"),
         (Self::TRANSPARENT_SHADOWS, "transparent shadows"),
         (Self::AUX, "auxiliary images"),
+        (Self::SHADOW_BIAS, "shadow bias"),
     ];
 
     /// Every feature (also: always needed).

@@ -122,7 +122,11 @@ fn attributes(film: &Film, provenance: &Provenance) -> LayerAttributes {
         ("scene", provenance.scene.as_str()),
         ("seed", &provenance.seed.to_string()),
         ("samplesPerPixel", &samples),
-    ] {
+        ("bias", &provenance.bias.join("; ")),
+    ]
+    .into_iter()
+    .filter(|(_, value)| !value.is_empty())
+    {
         attributes
             .other
             .insert(latin1(name), AttributeValue::Text(latin1(value)));
@@ -250,6 +254,7 @@ mod tests {
             scene: "größe → 1".into(),
             software: "test".into(),
             seed: u64::MAX,
+            bias: vec!["clamp 1: 2 samples".into(), "none".into()],
         }
     }
 

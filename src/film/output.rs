@@ -43,6 +43,8 @@ pub struct Provenance {
     pub software: String,
     /// Seed of the render.
     pub seed: u64,
+    /// What makes the image differ from the full solution on average, one phrase each.
+    pub bias: Vec<String>,
 }
 
 /// Writes the film's image to `path`, in the format of its extension. `exposure` (stops) applies to

@@ -124,6 +124,16 @@ pub fn spawn_origin(point: &SurfacePoint, normal: Vec3s, direction: Vec3s) -> Ve
     )
 }
 
+/// What [`spawn_origin`] is to be compared with: the point itself, moved along the normal by the fixed
+/// distance `bias` ≥ 0, in scene units, to the side to which the direction points. Too small a bias leaves
+/// rays below their own surface, too large a one loses what is near it; none is right for every scene.
+#[inline(always)]
+pub fn biased_origin(p: Vec3s, normal: Vec3s, direction: Vec3s, bias: f32) -> Vec3s {
+    let outward = direction.dot(normal).ge(F32s::splat(0.0));
+    let bias = F32s::splat(bias);
+    p.add_scaled(normal, outward.select(bias, -bias))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,7 +10,9 @@ pub mod triangle;
 
 use slab::Bounds;
 
-pub use hit::{SurfacePoint, spawn_origin, sphere_point, triangle_hit, triangle_point};
+pub use hit::{
+    SurfacePoint, biased_origin, spawn_origin, sphere_point, triangle_hit, triangle_point,
+};
 pub use normal::{facing_normal, interpolated_normal};
 
 /// Index of a primitive: triangles first, then spheres.

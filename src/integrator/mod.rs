@@ -15,7 +15,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::compile::{CompiledScene, TILE, WorkItem};
 use crate::error::{Error, Result};
@@ -245,7 +245,36 @@ struct Worker<'a> {
     clock: StageClock,
     passes: Passes,
     paths: u64,
+    clamp: Clamp,
     cpu_seconds: f64,
+}
+
+/// A limit on the radiance of camera samples.
+struct Clamp {
+    /// Of the brightest channel; infinite for none.
+    most: f64,
+    /// Samples that were above it.
+    count: u64,
+}
+
+impl Clamp {
+    fn new(settings: &RenderSettings) -> Self {
+        Self {
+            most: settings.clamp.unwrap_or(f64::INFINITY),
+            count: 0,
+        }
+    }
+
+    /// The radiance, darkened in all channels alike if it is above the limit.
+    #[inline]
+    fn limit(&mut self, radiance: DVec3) -> DVec3 {
+        let brightest = radiance.max_element();
+        if brightest <= self.most {
+            return radiance;
+        }
+        self.count += 1;
+        radiance * (self.most / brightest)
+    }
 }
 
 enum Tracer<'a> {
@@ -285,6 +314,7 @@ impl<'a> Worker<'a> {
             clock: StageClock::default(),
             passes: Passes::default(),
             paths: 0,
+            clamp: Clamp::new(settings),
             cpu_seconds: 0.0,
         }
     }
@@ -301,13 +331,14 @@ impl<'a> Worker<'a> {
     fn render_item(&mut self, scene: &CompiledScene, item: &WorkItem, film: &Mutex<Film>) -> u64 {
         self.paths += u64::from(item.paths());
         let before = self.rays();
+        let clamp = &mut self.clamp;
         match &mut self.tracer {
             Tracer::Wavefront { wave, kernels } => {
                 let passes = wavefront::trace(scene, kernels, item, wave, &mut self.clock);
                 self.passes.count += passes.count;
                 self.passes.rays += passes.rays;
                 self.clock.run(Step::Film, item.paths() as usize, || {
-                    develop(item, wave, film)
+                    develop(item, wave, clamp, film)
                 });
             }
             Tracer::Reference { reference, counts } => {
@@ -315,7 +346,9 @@ impl<'a> Worker<'a> {
                     let index = item.image_index(pixel);
                     let (x, y) = (item.x + pixel % item.width, item.y + pixel / item.width);
                     let samples = item.first_sample..item.first_sample + u64::from(item.samples);
-                    let sum: DVec3 = samples.map(|s| reference.sample(x, y, s, counts)).sum();
+                    let sum: DVec3 = samples
+                        .map(|s| clamp.limit(reference.sample(x, y, s, counts)))
+                        .sum();
                     lock(film).add_block(index, item.samples, sum.to_array());
                 }
             }
@@ -339,20 +372,18 @@ fn lock(film: &Mutex<Film>) -> std::sync::MutexGuard<'_, Film> {
     film.lock().expect("no worker panicked")
 }
 
-/// Sums the radiance of each pixel's samples, in order, into the film.
-fn develop(item: &WorkItem, wave: &Wave, film: &Mutex<Film>) {
+/// Sums the radiance of each pixel's samples, each within the clamp, in order, into the film.
+fn develop(item: &WorkItem, wave: &Wave, clamp: &mut Clamp, film: &Mutex<Film>) {
     let mut film = lock(film);
     for (pixel, samples) in wave.radiance[..item.paths() as usize]
         .chunks_exact(item.samples as usize)
         .enumerate()
     {
-        let mut sum = [0.0; 3];
-        for radiance in samples {
-            for channel in 0..3 {
-                sum[channel] += f64::from(radiance[channel]);
-            }
-        }
-        film.add_block(item.image_index(pixel as u32), item.samples, sum);
+        let sum: DVec3 = samples
+            .iter()
+            .map(|&[r, g, b, _]| clamp.limit(Vec3::new(r, g, b).as_dvec3()))
+            .sum();
+        film.add_block(item.image_index(pixel as u32), item.samples, sum.to_array());
     }
     if !wave.aux.is_empty() {
         for (pixel, aux) in wave.aux[..item.pixels() as usize].iter().enumerate() {
@@ -379,6 +410,7 @@ fn summarise(
     for worker in workers {
         stats.cpu_seconds += worker.cpu_seconds;
         stats.paths += worker.paths;
+        stats.clamped += worker.clamp.count;
         clock.add(&worker.clock);
         passes.count += worker.passes.count;
         passes.rays += worker.passes.rays;
@@ -394,7 +426,7 @@ fn summarise(
                 }
                 stats.accel_nodes += counters.accel.nodes;
                 stats.accel_tests += counters.accel.tests;
-                stats.rejected += counters.rejected;
+                stats.rejected_by_stage.add(&counters.rejected);
                 stats.truncated += counters.truncated;
             }
             Tracer::Reference { counts, .. } => {
@@ -402,9 +434,11 @@ fn summarise(
                 stats.bounce_rays += counts.bounce;
                 stats.shadow_rays += counts.shadow;
                 stats.truncated += counts.truncated;
+                stats.rejected_by_stage.add(&counts.rejected);
             }
         }
     }
+    stats.rejected = stats.rejected_by_stage.total();
     if settings.integrator != IntegratorKind::Reference {
         let slots = (passes.count * settings.wave as u64).max(1) as f64;
         stats.passes = passes.count;

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::wave::Rejections;
+
 /// CPU time of one stage, summed over workers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StageStats {
@@ -55,6 +57,10 @@ pub struct RenderStats {
     pub accel_tests: u64,
     /// Contributions that were not finite or negative and were left out; 0 in a healthy render.
     pub rejected: u64,
+    /// The same by stage.
+    pub rejected_by_stage: Rejections,
+    /// Camera samples that were darkened to the clamp (0 without one).
+    pub clamped: u64,
     /// Paths cut at the depth limit while still carrying weight (0 without a limit).
     pub truncated: u64,
 }

@@ -1,14 +1,22 @@
-//! Triangles and parallelograms, sampled uniformly by area.
+//! Triangles and parallelograms. Rectangles are sampled uniformly in solid angle, with the density
+//! 1/Ω (see [`super::rectangle`]), all others uniformly by area.
 //!
-//! With the area A and the cosine at the light, the density per steradian is d²/(A·|cos|). Next to
-//! the light it has no finite variance on its own: combine it with direction sampling.
+//! With the area A and the cosine at the light, the density of the latter per steradian is
+//! d²/(A·|cos|). Next to the light it has no finite variance on its own: combine it with direction
+//! sampling.
 //!
 //! Source: Shirley, Wang, Zimmerman, "Monte Carlo Techniques for Direct Lighting Calculations", ACM
 //! TOG 15(1), 1996, section 3.2.
 
-use super::{FlatLight, LightSample, LightTable, Row};
+use super::rectangle::{Side, SphericalRectangle};
+use super::{FlatLight, LightSample, LightTable, Receiver, Row};
 use crate::math::warp::triangle_or_square;
-use crate::math::{Compare, F32s, Mask, U32s, Vec3s};
+use crate::math::{Compare, F32s, Mask, Table, U32s, Vec3s};
+
+/// Largest cosine between the edges of a parallelogram that counts as a rectangle. Corners rounded to
+/// f32 turn the edges by 6·10⁻⁸ of their coordinates over the edges' lengths; points of so slight a
+/// skew follow the density to the same relative accuracy.
+const MOST_SKEW: f64 = 1e-5;
 
 /// edge 1 × edge 2, in f64.
 fn area_vector(light: &FlatLight) -> [f64; 3] {
@@ -30,16 +38,35 @@ pub(super) fn area(light: &FlatLight) -> f64 {
     }
 }
 
+/// The lengths of the edges of a rectangle; 0 of anything else.
+fn sides(light: &FlatLight) -> [f64; 2] {
+    let [a, b] = light.edges.map(|edge| edge.map(f64::from));
+    let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
+    let lengths = [a, b].map(|edge| dot(edge, edge).sqrt());
+    let is_rectangle = dot(a, b).abs() <= MOST_SKEW * lengths[0] * lengths[1];
+    if is_rectangle && !light.is_triangle {
+        lengths
+    } else {
+        [0.0; 2]
+    }
+}
+
 /// The columns' entries.
 pub(super) fn row(light: &FlatLight) -> Row {
     let normal = area_vector(light);
     let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
     let area = area(light);
+    let sides = sides(light);
     Row {
         radiance: light.radiance,
         two_sided: light.two_sided,
         // A light without area has no power and is never chosen.
-        density: if area > 0.0 { 1.0 / area } else { 0.0 },
+        density: match area > 0.0 {
+            true if sides[0] > 0.0 => 1.0,
+            true => 1.0 / area,
+            false => 0.0,
+        },
+        sides: sides.map(|side| side as f32),
         position: light.corner,
         edges: light.edges,
         normal: if length > 0.0 {
@@ -63,6 +90,36 @@ fn per_steradian(density: F32s, cos: F32s, distance: F32s) -> F32s {
     density * (distance * distance) / cos.abs()
 }
 
+/// The lights that are rectangles as seen from `p`, `to_corner` before their first corners, and which
+/// those are; `None` if the scene has none.
+#[inline(always)]
+fn rectangle<const KINDS: u32>(
+    lights: &LightTable,
+    light: U32s,
+    to_corner: Vec3s,
+) -> Option<(Mask, SphericalRectangle)> {
+    if !lights.has_rectangles {
+        return None;
+    }
+    let side = |length: &Table<f32>, edge: &[Table<f32>; 3]| {
+        let length = lights.get::<KINDS, f32>(length, light);
+        Side {
+            from: to_corner.dot(lights.get3::<KINDS>(edge, light)) / length,
+            length,
+        }
+    };
+    let [first, second] = [
+        side(&lights.sides[0], &lights.edge1),
+        side(&lights.sides[1], &lights.edge2),
+    ];
+    let are = first.length.gt(F32s::splat(0.0));
+    if are.none() {
+        return None;
+    }
+    let z = to_corner.dot(lights.get3::<KINDS>(&lights.normal, light));
+    Some((are, SphericalRectangle::new(first, second, z.abs())))
+}
+
 /// A point on the light and the direction to it.
 #[inline(always)]
 pub(super) fn sample<const KINDS: u32>(
@@ -73,8 +130,15 @@ pub(super) fn sample<const KINDS: u32>(
     u2: F32s,
 ) -> LightSample {
     let zero = F32s::splat(0.0);
-    let (b1, b2) = triangle_or_square(lights.get::<KINDS, f32>(&lights.fold, light), u1, u2);
-    let to_light = (lights.get3::<KINDS>(&lights.position, light) - p)
+    let to_corner = lights.get3::<KINDS>(&lights.position, light) - p;
+    let view = rectangle::<KINDS>(lights, light, to_corner);
+    let (mut b1, mut b2) =
+        triangle_or_square(lights.get::<KINDS, f32>(&lights.fold, light), u1, u2);
+    if let Some((are, view)) = &view {
+        let (s1, s2) = view.sample(u1, u2);
+        (b1, b2) = (are.select(s1, b1), are.select(s2, b2));
+    }
+    let to_light = to_corner
         .add_scaled(lights.get3::<KINDS>(&lights.edge1, light), b1)
         .add_scaled(lights.get3::<KINDS>(&lights.edge2, light), b2);
     let distance = to_light.length_squared().sqrt();
@@ -82,37 +146,45 @@ pub(super) fn sample<const KINDS: u32>(
     let cos = -direction.dot(lights.get3::<KINDS>(&lights.normal, light));
     let two_sided = lights.get::<KINDS, f32>(&lights.back, light).gt(zero);
     let first = b1.ge(b2);
-    LightSample {
+    let density = lights.get::<KINDS, f32>(&lights.density, light);
+    let pdf = per_steradian(density, cos, distance);
+    let mut found = LightSample {
         direction,
         distance,
         radiance: lights.get3::<KINDS>(&lights.radiance, light),
-        pdf: per_steradian(
-            lights.get::<KINDS, f32>(&lights.density, light),
-            cos,
-            distance,
-        ),
+        pdf,
         delta: Mask::NONE,
         primitive: first.select_u32(
             lights.get::<KINDS, u32>(&lights.primitives[0], light),
             lights.get::<KINDS, u32>(&lights.primitives[1], light),
         ),
         valid: cos.gt(zero) | (two_sided & cos.lt(zero)),
+    };
+    if let Some((are, view)) = view {
+        let solid_angle = view.solid_angle();
+        found.pdf = are.select(density / solid_angle, pdf);
+        // Seen from its own plane it has none.
+        found.valid = found.valid & (!are | solid_angle.gt(zero));
     }
+    found
 }
 
-/// Density per steradian with which [`super::sample`] finds a point of a flat light at `distance`
-/// along the unit vector `direction`, from either side.
+/// Density per steradian with which [`super::sample`] finds, from the receivers, a point of a flat
+/// light at `distance` along the unit vector `direction`, from either side.
 #[inline(always)]
 pub fn pdf_flat<const KINDS: u32>(
     lights: &LightTable,
     light: U32s,
+    at: &Receiver,
     direction: Vec3s,
     distance: F32s,
 ) -> F32s {
+    let density = lights.get::<KINDS, f32>(&lights.density, light);
     let cos = -direction.dot(lights.get3::<KINDS>(&lights.normal, light));
-    per_steradian(
-        lights.get::<KINDS, f32>(&lights.density, light),
-        cos,
-        distance,
-    )
+    let by_area = per_steradian(density, cos, distance);
+    let to_corner = lights.get3::<KINDS>(&lights.position, light) - at.p;
+    match rectangle::<KINDS>(lights, light, to_corner) {
+        Some((are, view)) => are.select(density / view.solid_angle(), by_area),
+        None => by_area,
+    }
 }

@@ -14,6 +14,7 @@ mod background;
 mod choice;
 mod flat;
 mod point;
+mod rectangle;
 mod sphere;
 #[cfg(test)]
 mod tests;
@@ -165,6 +166,10 @@ pub struct LightTable {
     edge2: [Table<f32>; 3],
     /// Flat: unit normal.
     normal: [Table<f32>; 3],
+    /// Flat: lengths of a rectangle's edges, 0 of other lights.
+    sides: [Table<f32>; 2],
+    /// Whether there is a rectangle.
+    has_rectangles: bool,
     /// Flat: 1/2 for a triangle, 0 for a parallelogram (see [`crate::math::warp::triangle_or_square`]).
     fold: Table<f32>,
     /// Sphere: radius.
@@ -183,6 +188,7 @@ struct Row {
     position: [f32; 3],
     edges: [[f32; 3]; 2],
     normal: [f32; 3],
+    sides: [f32; 2],
     fold: f32,
     radius: f32,
     primitives: [u32; 2],
@@ -237,6 +243,10 @@ impl LightTable {
         extend(&mut self.edge1, row.edges[0]);
         extend(&mut self.edge2, row.edges[1]);
         extend(&mut self.normal, row.normal);
+        for (column, side) in self.sides.iter_mut().zip(row.sides) {
+            column.push(side);
+        }
+        self.has_rectangles |= row.sides[0] > 0.0;
         self.fold.push(row.fold);
         self.radius.push(row.radius);
         for (column, primitive) in self.primitives.iter_mut().zip(row.primitives) {
@@ -267,8 +277,8 @@ impl LightTable {
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        // Of each light: kind, two primitives, and 19 numbers.
-        self.choice.bytes() + self.len() * (3 * size_of::<u32>() + 19 * size_of::<f32>())
+        // Of each light: kind, two primitives, and 21 numbers.
+        self.choice.bytes() + self.len() * (3 * size_of::<u32>() + 21 * size_of::<f32>())
     }
 
     /// What `column` has for each light; without [`kinds::MANY`] there is one light only.
@@ -424,7 +434,7 @@ pub fn pdf<const KINDS: u32>(
 ) -> F32s {
     let zero = F32s::splat(0.0);
     match KINDS & kinds::ALL & !kinds::MANY {
-        kinds::FLAT => pdf_flat::<KINDS>(lights, light, direction, distance),
+        kinds::FLAT => pdf_flat::<KINDS>(lights, light, at, direction, distance),
         kinds::SPHERE => pdf_sphere::<KINDS>(lights, light, at, hit, direction, distance),
         kinds::POINT => zero,
         kinds::BACKGROUND => pdf_background::<KINDS>(lights, light, at.n.dot(direction)),
@@ -441,7 +451,7 @@ pub fn pdf<const KINDS: u32>(
             let flat = is(kinds::FLAT);
             if flat.any() {
                 density = flat.select(
-                    pdf_flat::<KINDS>(lights, light, direction, distance),
+                    pdf_flat::<KINDS>(lights, light, at, direction, distance),
                     density,
                 );
             }

@@ -174,6 +174,38 @@ fn irradiance_from_tilted_parallelograms_and_triangles_is_lamberts() {
 }
 
 #[test]
+fn a_rectangle_that_touches_a_surface_gives_it_bounded_samples() {
+    // A wall on the floor: by area a sample at the foot brings up to A·cos·cos/d², here the solid angle
+    // times the cosine at most.
+    let wall = parallelogram([-0.5, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+    let lights = table(&[Light::Flat(FlatLight {
+        two_sided: true,
+        ..wall
+    })]);
+    let mut random = Uniform::new(48);
+    for c in [1e-1, 1e-3, 1e-6] {
+        let at = receiver(splat([0.1, c, 0.0]), splat(UP));
+        let mut mean = Mean::default();
+        for _ in 0..100_000 / LANES {
+            let u = [random.lanes(), random.lanes(), random.lanes()];
+            let s = sample::<{ kinds::FLAT }>(&lights, &at, u);
+            assert_eq!(s.valid, Mask::ALL);
+            for lane in 0..LANES {
+                let pdf = f64::from(s.pdf.to_array()[lane]);
+                assert!(pdf.recip() <= PI * (1.0 + 1e-6), "{pdf}");
+                mean.add(s.direction.to_lanes()[lane][2] / pdf);
+            }
+        }
+        let [c, width]: [f64; 2] = [c, 1.0];
+        let corner = |b: f64| {
+            let r = c.hypot(width);
+            0.5 * ((b / c).atan() - c / r * (b / r).atan())
+        };
+        mean.check(corner(0.4) + corner(0.6), &format!("{c} from the wall"));
+    }
+}
+
+#[test]
 fn irradiance_from_spheres_is_that_of_the_closed_form() {
     // Distance, radius, cosine of the centre, radiance, irradiance: also cut by the horizon.
     for (d, r, cos, radiance, exact) in [
@@ -347,11 +379,17 @@ fn check_directions<const KINDS: u32>(
 
 #[test]
 fn directions_to_flat_lights_follow_the_density() {
-    let mut light = parallelogram([-0.5, -0.4, 1.0], [0.1, 1.0, 0.1], [1.2, 0.2, -0.2]);
-    let [c, a, b] = [light.corner, light.edges[0], light.edges[1]].map(|v| v.map(f64::from));
-    let normal = cross(a, b);
-    for is_triangle in [false, true] {
-        light.is_triangle = is_triangle;
+    let skew = parallelogram([-0.5, -0.4, 1.0], [0.1, 1.0, 0.1], [1.2, 0.2, -0.2]);
+    let rectangle = parallelogram([-0.5, -0.4, 1.0], [0.0, 1.0, 0.1], [1.2, 0.01, -0.1]);
+    let triangle = FlatLight {
+        is_triangle: true,
+        ..skew
+    };
+    for (light, is_rectangle) in [(skew, false), (triangle, false), (rectangle, true)] {
+        assert_eq!(table(&[Light::Flat(light)]).has_rectangles, is_rectangle);
+        let [c, a, b] = [light.corner, light.edges[0], light.edges[1]].map(|v| v.map(f64::from));
+        let normal = cross(a, b);
+        let is_triangle = light.is_triangle;
         for p in [[0.0, 0.0, 0.0], [2.0, 1.0, 0.3], [0.0, 0.0, 0.8]] {
             let hit = |d: [f64; 3]| {
                 let t = dot(minus(c, p), normal) / dot(d, normal);
@@ -377,7 +415,7 @@ fn directions_to_flat_lights_follow_the_density() {
                 .map(|&end| 1.0 - dot(end, axis))
                 .fold(0.0, f64::max)
                 * 1.02;
-            let what = format!("flat, triangle {is_triangle}, from {p:?}");
+            let what = format!("{light:?} from {p:?}");
             check_directions::<{ kinds::FLAT }>(
                 Light::Flat(light),
                 p,

@@ -60,7 +60,8 @@ impl Reference {
             1.0
         };
         let cos = vertex.normal.dot(light.direction);
-        value * light.radiance * (cos * weight * visibility.transmittance / light.pdf)
+        let arriving = light.radiance * (cos * weight * visibility.transmittance / light.pdf);
+        Self::keep_sound(value * arriving, &mut counts.rejected.connect)
     }
 
     fn visibility(&self, vertex: &Vertex, light: &LightSample) -> Visibility {
@@ -68,7 +69,7 @@ impl Reference {
             origin: vertex.point,
             direction: light.direction,
             t_min: 0.0,
-            start: vertex.patch,
+            start: self.left_behind(vertex.patch),
         };
         let mut through_glass = false;
         let mut transmittance = 1.0;

@@ -5,7 +5,8 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use super::appearance::Corners;
 use super::bsdf::Bsdf;
 use super::light::{AreaLight, Light, Lights};
-use super::primitives::Primitives;
+use super::primitives::{PatchId, Primitives};
+use super::rectangle::is_rectangle;
 use crate::error::{Error, Result};
 use crate::scene::{
     EmissionDescription, MaterialDescription, MaterialId, Mesh, SceneDescription, ShapeDescription,
@@ -106,6 +107,11 @@ pub(super) fn flatten(scene: &SceneDescription, samples_surfaces: bool) -> Resul
     })
 }
 
+/// Whether a quad's corners are those of a parallelogram but for rounding.
+fn is_parallelogram([a, b, c, d]: [DVec3; 4]) -> bool {
+    (a - b + c - d).length() <= 1e-6 * (c - a).length()
+}
+
 /// Radius of a sphere around everything; 1 around nothing.
 fn radius(primitives: &Primitives) -> f64 {
     primitives
@@ -148,10 +154,34 @@ impl Flattener<'_> {
 
     fn add_quad(&mut self, shape: &ShapeDescription, [a, b, c, d]: [DVec3; 4]) -> Result<()> {
         self.primitives.add_quad([a, b, c, d]);
+        let edges = [b - a, d - a];
+        let surface = self.surface(shape, shape.material, Corners::default())?;
+        if let Some(emission) = surface.emission
+            && self.samples_surfaces
+            && is_parallelogram([a, b, c, d])
+            && is_rectangle(edges)
+        {
+            self.add_rectangle(surface, |patch| {
+                AreaLight::rectangle(a, edges, emission, patch, surface.position_error)
+            });
+            return Ok(());
+        }
         for corners in [[a, b, c], [a, c, d]] {
             self.add_triangle_surface(shape, shape.material, corners, Corners::default())?;
         }
         Ok(())
+    }
+
+    /// Adds both halves of the last quad, with this surface, as one light.
+    fn add_rectangle(&mut self, surface: Surface, light: impl FnOnce(PatchId) -> AreaLight) {
+        let patch = self.primitives.patch(self.surfaces.len());
+        let index = Some(self.lights.len());
+        self.lights.push(Light::Area(light(patch)));
+        let half = Surface {
+            light: index,
+            ..surface
+        };
+        self.surfaces.extend([half, half]);
     }
 
     /// What the corners of the last triangle, face `i` of `mesh`, have. A corner without a normal that

@@ -32,6 +32,7 @@ mod light;
 mod path;
 mod primitives;
 mod random;
+mod rectangle;
 mod specular;
 mod warp;
 mod whitted;
@@ -47,6 +48,7 @@ use crate::error::{Error, Result};
 use crate::scene::{
     IntegratorKind, RenderSettings, SceneDescription, Strategy, TextureDescription,
 };
+use crate::wave::Rejections;
 
 /// Largest survival probability of roulette: even between perfect mirrors a path ends some time.
 const MAX_SURVIVAL: f64 = 0.99;
@@ -71,9 +73,11 @@ pub struct Reference {
     max_depth: u32,
     roulette_depth: u32,
     transparent_shadows: bool,
+    /// Replaces the error bound of points that rays leave.
+    shadow_bias: Option<f64>,
 }
 
-/// Rays traced and paths cut short.
+/// Rays traced, paths cut short, and what was left out.
 #[derive(Default, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RayCounts {
     /// Rays from the camera.
@@ -84,6 +88,8 @@ pub struct RayCounts {
     pub shadow: u64,
     /// Paths that the depth limit ended at a surface that would have scattered.
     pub truncated: u64,
+    /// What was not finite or negative, by the stage of the wavefront that does the same.
+    pub rejected: Rejections,
 }
 
 impl Reference {
@@ -133,6 +139,7 @@ impl Reference {
             max_depth: settings.max_depth.unwrap_or(u32::MAX),
             roulette_depth: settings.roulette_depth,
             transparent_shadows: settings.transparent_shadows,
+            shadow_bias: settings.shadow_bias,
         })
     }
 
@@ -195,9 +202,8 @@ impl Reference {
 
     /// A hit as seen by light.
     fn vertex(&self, hit: &Hit, appearance: &Appearance) -> Vertex {
-        let error = self.surfaces[hit.primitive].position_error;
         Vertex {
-            point: hit.position + appearance.face * error,
+            point: hit.position + appearance.face * self.offset(hit),
             normal: appearance.normal,
             face: appearance.face,
             patch: hit.patch,
@@ -207,13 +213,39 @@ impl Reference {
     /// The ray that leaves a hit to either side, outside of the surface's rounding error.
     fn spawn(&self, hit: &Hit, direction: DVec3) -> Ray {
         let side = hit.normal * direction.dot(hit.normal).signum();
-        let origin = hit.position + side * self.surfaces[hit.primitive].position_error;
         Ray {
-            origin,
+            origin: hit.position + side * self.offset(hit),
             direction,
             t_min: 0.0,
-            start: hit.patch,
+            start: self.left_behind(hit.patch),
         }
+    }
+
+    /// How far off the surface rays leave a hit: the bound of the surface's rounding error, or the fixed
+    /// bias that the settings ask for.
+    fn offset(&self, hit: &Hit) -> f64 {
+        self.shadow_bias
+            .unwrap_or(self.surfaces[hit.primitive].position_error)
+    }
+
+    /// What rays that leave `patch` cannot hit: itself, or with a fixed bias nothing.
+    fn left_behind(&self, patch: PatchId) -> PatchId {
+        match self.shadow_bias {
+            Some(_) => PatchId::NONE,
+            None => patch,
+        }
+    }
+
+    /// `radiance`, or a path's weight, if it is finite and not negative, else 0; the latter is counted. Debug
+    /// builds assert that there is no such thing.
+    fn keep_sound(radiance: DVec3, rejected: &mut u64) -> DVec3 {
+        let is_sound = radiance.is_finite() && radiance.min_element() >= 0.0;
+        debug_assert!(is_sound, "unsound contribution {radiance}");
+        if is_sound {
+            return radiance;
+        }
+        *rejected += 1;
+        DVec3::ZERO
     }
 
     /// What a path's weight is multiplied with after `depth` segments: 0 if roulette ends the path.

@@ -37,12 +37,14 @@ impl Reference {
         for depth in 1..=self.max_depth {
             let Some(hit) = self.trace(&ray, depth, counts) else {
                 let share = self.share(&emission_weight, self.background_light, &ray, None);
-                return radiance + throughput * self.background * share;
+                let found = throughput * self.background * share;
+                return radiance + Self::keep_sound(found, &mut counts.rejected.emission);
             };
             let surface = &self.surfaces[hit.primitive];
             if let Some(emission) = &surface.emission {
                 let share = self.share(&emission_weight, surface.light, &ray, Some(&hit));
-                radiance += throughput * emitted(emission, hit.normal, ray.direction) * share;
+                let found = throughput * emitted(emission, hit.normal, ray.direction) * share;
+                radiance += Self::keep_sound(found, &mut counts.rejected.emission);
             }
             if surface.bsdf.is_none() && surface.is_opaque() {
                 return radiance;
@@ -106,6 +108,7 @@ impl Reference {
                 }
             };
 
+            throughput = Self::keep_sound(throughput, &mut counts.rejected.shade);
             throughput *= self.roulette(throughput, eta_scale, depth, random);
             if throughput == DVec3::ZERO {
                 return radiance;

@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::film::Film;
 use crate::integrator::stats::{DepthStats, EndReason, RenderStats};
 use crate::scene::RenderSettings;
+use crate::wave::Rejections;
 
 /// Version of the JSON format; it changes when a field changes its meaning or disappears.
 pub const FORMAT: u32 = 1;
@@ -92,6 +93,10 @@ pub struct ResultReport {
     pub bias: Vec<String>,
     /// Contributions that were not finite or negative and were left out; 0 in a healthy render.
     pub rejected: u64,
+    /// The same by stage.
+    pub rejected_by_stage: Rejections,
+    /// Camera samples that were darkened to the clamp.
+    pub clamped: u64,
     /// Paths cut at the depth limit while still carrying weight.
     pub truncated: u64,
     /// Files written.
@@ -273,6 +278,8 @@ impl RenderReport {
                 relative_error: film.relative_error(),
                 bias: bias(settings, stats),
                 rejected: stats.rejected,
+                rejected_by_stage: stats.rejected_by_stage,
+                clamped: stats.clamped,
                 truncated: stats.truncated,
                 images,
             },
@@ -343,7 +350,9 @@ fn depths(depths: &[DepthStats]) -> Vec<DepthReport> {
     depths.iter().enumerate().map(report).collect()
 }
 
-fn bias(settings: &RenderSettings, stats: &RenderStats) -> Vec<String> {
+/// What makes the image of a render differ from the full solution on average, one phrase each; empty if nothing
+/// does.
+pub fn bias(settings: &RenderSettings, stats: &RenderStats) -> Vec<String> {
     let mut bias = Vec::new();
     if settings.transparent_shadows {
         bias.push("transparent shadows: light passes straight through glass".to_owned());
@@ -354,9 +363,23 @@ fn bias(settings: &RenderSettings, stats: &RenderStats) -> Vec<String> {
             stats.truncated
         ));
     }
-    if stats.rejected > 0 {
+    if let Some(length) = settings.shadow_bias {
         bias.push(format!(
-            "{} contributions not finite or negative, left out",
+            "shadow bias {length}: secondary rays start at a fixed distance"
+        ));
+    }
+    if let (Some(clamp), 1..) = (settings.clamp, stats.clamped) {
+        bias.push(format!("clamp {clamp}: {} samples darkened", stats.clamped));
+    }
+    if stats.rejected > 0 {
+        let Rejections {
+            emission,
+            shade,
+            connect,
+        } = stats.rejected_by_stage;
+        bias.push(format!(
+            "{} contributions not finite or negative, left out: \
+             {emission} in emission, {shade} in shade, {connect} in connect",
             stats.rejected
         ));
     }
@@ -412,6 +435,8 @@ pub(crate) mod tests {
             accel_nodes: 0,
             accel_tests: 192_000,
             rejected: 0,
+            rejected_by_stage: Rejections::default(),
+            clamped: 0,
             truncated: 3,
         };
         let settings = RenderSettings {
@@ -509,15 +534,18 @@ pub(crate) mod tests {
     fn every_source_of_bias_is_named() {
         let stats = RenderStats {
             rejected: 1,
+            clamped: 4,
             truncated: 2,
             ..RenderStats::default()
         };
         let biased = RenderSettings {
             transparent_shadows: true,
+            shadow_bias: Some(1e-3),
+            clamp: Some(10.0),
             max_depth: Some(3),
             ..RenderSettings::default()
         };
-        assert_eq!(bias(&biased, &stats).len(), 3);
+        assert_eq!(bias(&biased, &stats).len(), 5);
         assert!(bias(&RenderSettings::default(), &RenderStats::default()).is_empty());
     }
 

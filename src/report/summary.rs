@@ -128,8 +128,8 @@ impl RenderReport {
         )?;
         writeln!(
             f,
-            "{:.1} nodes and {:.1} primitive tests per ray",
-            rays.nodes_per_ray, rays.tests_per_ray
+            "{:.1} nodes and {:.1} primitive tests per ray, {} contributions not finite or negative",
+            rays.nodes_per_ray, rays.tests_per_ray, self.result.rejected
         )
     }
 
@@ -278,6 +278,7 @@ mod tests {
             "2                    500       400    25.0 %",
             "queues 87.5 % full over 4 passes, 96 bytes per path in flight",
             "peak memory",
+            ", 0 contributions not finite or negative",
             "cores",
             env!("WAVEPATH_COMMIT"),
         ] {

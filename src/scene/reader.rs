@@ -170,6 +170,20 @@ fn read_render(node: &Node) -> Result<RenderDefaults> {
                 .spot
                 .error(format!("`{}` must be > 0, got 0", entry.key)));
         }
+        match entry.key.as_str() {
+            "clamp" => {
+                values::number(&entry.node, "clamp", "> 0 and finite", |x| {
+                    x > 0.0 && x.is_finite()
+                })?;
+            }
+            "shadow_bias" => {
+                let rule = "≥ 0 and at most 1.8e18";
+                values::number(&entry.node, "shadow_bias", rule, |x| {
+                    (0.0..=values::MAX_COORDINATE).contains(&x)
+                })?;
+            }
+            _ => {}
+        }
         settings.insert(entry.key.clone(), value.clone());
     }
     RenderDefaults::deserialize(settings).map_err(|error| node.spot.error(error.message()))

@@ -100,6 +100,11 @@ pub struct RenderDefaults {
     pub roulette_depth: Option<u32>,
     /// Shadow rays pass straight through glass, weighted by its transmittance (biased).
     pub transparent_shadows: Option<bool>,
+    /// Secondary rays start this far off their surface, in scene units, ≥ 0, instead of where rounding
+    /// errors say (biased).
+    pub shadow_bias: Option<f64>,
+    /// Largest radiance of a camera sample's brightest channel, > 0; brighter samples are darkened to it (biased).
+    pub clamp: Option<f64>,
     /// Seed.
     pub seed: Option<u64>,
 }
@@ -133,6 +138,13 @@ pub struct RenderSettings {
     pub roulette_depth: u32,
     /// Shadow rays pass straight through glass, weighted by its transmittance (biased).
     pub transparent_shadows: bool,
+    /// Secondary rays start this far off their surface, in scene units, ≥ 0, and may hit it again, as in renderers
+    /// that leave the choice of a bias to their user (biased). `None`: outside of the error bound of the point,
+    /// and not to hit the primitive that they start on.
+    pub shadow_bias: Option<f64>,
+    /// Largest radiance of a camera sample's brightest channel, > 0; brighter samples are darkened to it (biased).
+    /// `None` is no limit.
+    pub clamp: Option<f64>,
     /// Also accumulate albedo, normal and depth of the first hit.
     pub aux: bool,
     /// Run the kernels that can do everything, though the scene does not need them. Does not change the picture.
@@ -155,6 +167,8 @@ impl Default for RenderSettings {
             max_depth: None,
             roulette_depth: 5,
             transparent_shadows: false,
+            shadow_bias: None,
+            clamp: None,
             aux: false,
             force_features: false,
         }
@@ -177,6 +191,8 @@ impl RenderSettings {
             transparent_shadows: defaults
                 .transparent_shadows
                 .unwrap_or(base.transparent_shadows),
+            shadow_bias: defaults.shadow_bias,
+            clamp: defaults.clamp,
             seed: defaults.seed.unwrap_or(base.seed),
             ..base
         }

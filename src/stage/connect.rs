@@ -18,7 +18,7 @@ pub(super) fn connect(scene: &CompiledScene, wave: &mut Wave) {
         let (path, radiance) = (shadows.paths(at), shadows.radiance(at));
         add_radiance(
             &mut wave.radiance,
-            &mut wave.counters.rejected,
+            &mut wave.counters.rejected.connect,
             free,
             path,
             radiance,

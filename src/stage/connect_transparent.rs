@@ -1,10 +1,9 @@
 //! shadow rays → radiance, straight through glass: each boundary lets its transmittance pass and
 //! bends nothing. A fast picture of the shadow of glass, and biased: caustics are lost.
 
-use super::surface::{Surface, gather3, material, surface};
+use super::surface::{Surface, gather3, leave, left_behind, material, surface};
 use crate::accel::{HitBatch, RayBatch};
 use crate::compile::{CompiledScene, PrimitiveClass};
-use crate::geometry::spawn_origin;
 use crate::material::{Dielectric, Material, MaterialKind};
 use crate::math::lanes::{F32s, LANES, Mask, U32s, iota, load, load_u32, store, store_u32};
 use crate::math::{Compare, Vec3s};
@@ -28,7 +27,7 @@ pub(super) fn connect_transparent<const F: u32>(scene: &CompiledScene, wave: &mu
             let primitive = load_u32(&hits.primitive, at);
             let blocked = t.lt(t_max) & !primitive.eq(load_u32(&shadows.target, at));
             let (path, radiance) = (shadows.paths(at), shadows.radiance(at));
-            let rejected = &mut wave.counters.rejected;
+            let rejected = &mut wave.counters.rejected.connect;
             add_radiance(
                 &mut wave.radiance,
                 rejected,
@@ -61,14 +60,14 @@ pub(super) fn connect_transparent<const F: u32>(scene: &CompiledScene, wave: &mu
                 surface::<F>(scene, primitive, origin, direction, t);
             let params = Dielectric::fetch(&scene.materials, material(scene, primitive));
             let passes = Dielectric::transmittance(&params, -direction.dot(normal));
-            let origin = spawn_origin(&point, normal, direction);
+            let origin = leave::<F>(scene, &point, normal, direction);
             let radiance: Vec3s = radiance * (passes / load(&shadows.weight, at));
             store(&mut shadows.weight, at, F32s::splat(1.0));
             store(&mut shadows.origin_x, at, origin.x);
             store(&mut shadows.origin_y, at, origin.y);
             store(&mut shadows.origin_z, at, origin.z);
             store(&mut shadows.t_max, at, t_max - t);
-            store_u32(&mut shadows.skip, at, primitive);
+            store_u32(&mut shadows.skip, at, left_behind::<F>(scene, primitive));
             store(&mut shadows.radiance_r, at, radiance.x);
             store(&mut shadows.radiance_g, at, radiance.y);
             store(&mut shadows.radiance_b, at, radiance.z);

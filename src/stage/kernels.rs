@@ -56,7 +56,8 @@ const IN_CODE: Features = Features::TRIANGLES
     .with(Features::MIS)
     .with(Features::STRATIFIED)
     .with(Features::WHITTED)
-    .with(Features::TRANSPARENT_SHADOWS);
+    .with(Features::TRANSPARENT_SHADOWS)
+    .with(Features::SHADOW_BIAS);
 
 /// Path tracing of triangles lit by flat lights, without glass.
 const TRIANGLES: u32 = Features::TRIANGLES

@@ -4,9 +4,10 @@
 
 use super::appearance::{opacity, reflectance_factor, shading_normal};
 use super::emission::has;
-use super::surface::{Surface, gather_rays, gather_throughput, material, surface};
+use super::surface::{
+    Surface, gather_rays, gather_throughput, leave, left_behind, material, surface,
+};
 use crate::compile::{CompiledScene, Features, PrimitiveClass, WorkItem};
-use crate::geometry::spawn_origin;
 use crate::light::{self, Receiver};
 use crate::material::{Black, BsdfSample, Material};
 use crate::math::lanes::{
@@ -16,7 +17,7 @@ use crate::math::lanes::{
 use crate::math::{Compare, Frame, Vec3s, mis};
 use crate::sampler::{BOUNCE_DIMENSIONS, CAMERA_DIMENSIONS, Dimension, Pcg32s, Strata};
 use crate::scene::Strategy;
-use crate::wave::{RayQueue, Wave, count_depths, state};
+use crate::wave::{Wave, count_depths, keep_sound, state};
 
 /// What a chunk of hits has in common with what leaves it.
 struct Hits {
@@ -127,7 +128,7 @@ pub(super) fn shade<M: Material, const F: u32>(
             }
             if whitted && !M::SPECULAR {
                 if hits.passes.any() {
-                    pass_on::<M, F>(scene, &hits, &mut wave.next);
+                    pass_on::<M, F>(scene, &hits, wave);
                 }
                 continue;
             }
@@ -140,10 +141,10 @@ pub(super) fn shade<M: Material, const F: u32>(
                         random: hits.random,
                         state: hits.state,
                     };
-                    continue_path::<M, F>(scene, &hits, &onward, &mut wave.next);
+                    continue_path::<M, F>(scene, &hits, &onward, wave);
                 }
                 Branch::First | Branch::Second => {
-                    follow_split::<M, F>(scene, &hits, strata, &params, branch, &mut wave.next);
+                    follow_split::<M, F>(scene, &hits, strata, &params, branch, wave);
                 }
             }
         }
@@ -153,9 +154,9 @@ pub(super) fn shade<M: Material, const F: u32>(
 impl Hits {
     /// Where a ray in `direction` starts. What reflects sends rays to the normal's side only.
     #[inline(always)]
-    fn start<M: Material>(&self, direction: Vec3s) -> Vec3s {
+    fn start<M: Material, const F: u32>(&self, scene: &CompiledScene, direction: Vec3s) -> Vec3s {
         if M::TRANSMISSIVE {
-            spawn_origin(&self.surface.point, self.normal, direction)
+            leave::<F>(scene, &self.surface.point, self.normal, direction)
         } else {
             self.origin
         }
@@ -195,7 +196,7 @@ impl Hits {
             active: Mask::first(queue.len - at),
             primitive,
             material: material(scene, primitive),
-            origin: spawn_origin(&surface.point, normal, normal),
+            origin: leave::<F>(scene, &surface.point, normal, normal),
             surface,
             direction,
             normal,
@@ -314,11 +315,12 @@ fn sample_light<M: Material, const F: u32>(
     };
     let incoming = sample.radiance * over_pdf;
     let radiance = hits.throughput.mul_elem(value).mul_elem(incoming);
-    let brings = valid & radiance.max_elem().gt(F32s::splat(0.0));
+    let sound = keep_sound(&mut wave.counters.rejected.shade, valid, radiance);
+    let brings = sound & radiance.max_elem().gt(F32s::splat(0.0));
     if brings.none() {
         return;
     }
-    let origin = hits.start::<M>(sample.direction);
+    let origin = hits.start::<M, F>(scene, sample.direction);
     let t_max = sample.distance - F32s::splat(scene.light_point_error);
     let shadows = &mut wave.shadows;
     let at = shadows.len;
@@ -328,7 +330,8 @@ fn sample_light<M: Material, const F: u32>(
     compress(&mut shadows.direction_x, at, brings, sample.direction.x);
     compress(&mut shadows.direction_y, at, brings, sample.direction.y);
     compress(&mut shadows.direction_z, at, brings, sample.direction.z);
-    compress_u32(&mut shadows.skip, at, brings, hits.primitive);
+    let skip = left_behind::<F>(scene, hits.primitive);
+    compress_u32(&mut shadows.skip, at, brings, skip);
     compress(&mut shadows.t_max, at, brings, t_max);
     compress_u32(&mut shadows.target, at, brings, sample.primitive);
     compress(&mut shadows.radiance_r, at, brings, radiance.x);
@@ -351,7 +354,7 @@ fn follow_split<M: Material, const F: u32>(
     strata: HitStrata,
     params: &M::Params,
     branch: Branch,
-    next: &mut RayQueue,
+    wave: &mut Wave,
 ) {
     let Some([first, second]) = M::split(params, hits.wo) else {
         return;
@@ -369,7 +372,7 @@ fn follow_split<M: Material, const F: u32>(
             random: hits.random.branch(),
             state: split_state,
         };
-        continue_path::<M, F>(scene, hits, &onward, next);
+        continue_path::<M, F>(scene, hits, &onward, wave);
         return;
     }
     let numbers = direction_numbers::<F>(scene, hits, strata);
@@ -386,19 +389,19 @@ fn follow_split<M: Material, const F: u32>(
         random: hits.random,
         state: (may_split & !hits.passes).select_u32(split_state, hits.state),
     };
-    continue_path::<M, F>(scene, hits, &onward, next);
+    continue_path::<M, F>(scene, hits, &onward, wave);
 }
 
 /// Appends the rays of the paths that go straight on where nothing else goes on.
 #[inline(always)]
-fn pass_on<M: Material, const F: u32>(scene: &CompiledScene, hits: &Hits, next: &mut RayQueue) {
+fn pass_on<M: Material, const F: u32>(scene: &CompiledScene, hits: &Hits, wave: &mut Wave) {
     let onward = Onward {
         sample: Black::sample(&(), hits.wo, [F32s::splat(0.0); 3]),
         passes: hits.passes,
         random: hits.random,
         state: hits.state,
     };
-    continue_path::<M, F>(scene, hits, &onward, next);
+    continue_path::<M, F>(scene, hits, &onward, wave);
 }
 
 /// Appends the next ray of each active lane, with zero throughput where the path ends.
@@ -407,8 +410,9 @@ fn continue_path<M: Material, const F: u32>(
     scene: &CompiledScene,
     hits: &Hits,
     onward: &Onward,
-    next: &mut RayQueue,
+    wave: &mut Wave,
 ) {
+    let (next, rejected) = (&mut wave.next, &mut wave.counters.rejected.shade);
     let at = next.len;
     let sample = &onward.sample;
     let (zero, one) = (F32s::splat(0.0), F32s::splat(1.0));
@@ -418,7 +422,8 @@ fn continue_path<M: Material, const F: u32>(
         valid = valid & hits.same_side(direction, sample.wi.z);
     }
     let weighted = hits.throughput.mul_elem(sample.weight);
-    let mut throughput = Vec3s::select(valid, weighted, Vec3s::zero());
+    let sound = keep_sound(rejected, hits.active & valid, weighted);
+    let mut throughput = Vec3s::select(sound, weighted, Vec3s::zero());
     let kept =
         onward.state & U32s::splat(!(state::SPECULAR | state::THROUGH_GLASS | state::UNREFLECTED));
     let mut history = if M::TRANSMISSIVE {
@@ -439,13 +444,13 @@ fn continue_path<M: Material, const F: u32>(
         U32s::splat(state::UNREFLECTED)
     };
     let (mut pdf, mut eta) = (sample.pdf, sample.eta);
-    let mut origin = hits.start::<M>(direction);
+    let mut origin = hits.start::<M, F>(scene, direction);
     if scene.on::<F>(Features::OPACITY) {
         // A delta transmission without a bend: light behind is not sampled from here, and shadow
         // rays from before do not reach it.
         let passes = onward.passes;
         direction = Vec3s::select(passes, hits.direction, direction);
-        let beyond = spawn_origin(&hits.surface.point, hits.normal, hits.direction);
+        let beyond = leave::<F>(scene, &hits.surface.point, hits.normal, hits.direction);
         origin = Vec3s::select(passes, beyond, origin);
         let straight = hits.throughput * (one / (hits.straight_eta * hits.straight_eta));
         throughput = Vec3s::select(passes, straight, throughput);
@@ -453,7 +458,12 @@ fn continue_path<M: Material, const F: u32>(
         pdf = passes.select(zero, pdf);
         eta = passes.select(hits.straight_eta, eta);
     }
-    next.set_ray(at, origin, direction, hits.primitive);
+    next.set_ray(
+        at,
+        origin,
+        direction,
+        left_behind::<F>(scene, hits.primitive),
+    );
     next.set_throughput(at, throughput);
     store_u32(&mut next.path, at, hits.path);
     store_u32(&mut next.state, at, (kept | history) + U32s::splat(1));

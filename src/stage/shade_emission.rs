@@ -41,7 +41,7 @@ pub(super) fn shade_emission<const F: u32>(scene: &CompiledScene, wave: &mut Wav
         let path = gather_u32(&rays.path, ray);
         add_radiance(
             &mut wave.radiance,
-            &mut wave.counters.rejected,
+            &mut wave.counters.rejected.emission,
             counts,
             path,
             radiance,

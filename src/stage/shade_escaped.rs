@@ -29,7 +29,7 @@ pub(super) fn shade_escaped<const F: u32>(scene: &CompiledScene, wave: &mut Wave
         let path = gather_u32(&rays.path, ray);
         add_radiance(
             &mut wave.radiance,
-            &mut wave.counters.rejected,
+            &mut wave.counters.rejected.emission,
             counts,
             path,
             radiance,

@@ -1,7 +1,9 @@
 //! What the stages know of the place of a hit: point, error bound and geometric normal.
 
 use crate::compile::{CompiledScene, Features};
-use crate::geometry::{SurfacePoint, sphere_point, triangle_hit};
+use crate::geometry::{
+    PrimitiveId, SurfacePoint, biased_origin, spawn_origin, sphere_point, triangle_hit,
+};
 use crate::math::lanes::{F32s, Mask, U32s, gather};
 use crate::math::{Compare, Table, Vec3s};
 use crate::wave::RayQueue;
@@ -105,6 +107,32 @@ pub(crate) fn surface<const F: u32>(
         },
         normal: select(on_sphere.normal, on_triangle.normal),
         weights: on_triangle.weights,
+    }
+}
+
+/// Where a ray that leaves `point` along `direction` starts, on that side of the surface with unit geometric
+/// `normal`: outside of the point's error bound, or off by the fixed bias that the settings ask for.
+#[inline(always)]
+pub(super) fn leave<const F: u32>(
+    scene: &CompiledScene,
+    point: &SurfacePoint,
+    normal: Vec3s,
+    direction: Vec3s,
+) -> Vec3s {
+    if scene.on::<F>(Features::SHADOW_BIAS) {
+        biased_origin(point.p, normal, direction, scene.shadow_bias)
+    } else {
+        spawn_origin(point, normal, direction)
+    }
+}
+
+/// What a ray that leaves `primitive` cannot hit: itself, or with a fixed bias nothing.
+#[inline(always)]
+pub(super) fn left_behind<const F: u32>(scene: &CompiledScene, primitive: U32s) -> U32s {
+    if scene.on::<F>(Features::SHADOW_BIAS) {
+        U32s::splat(PrimitiveId::NONE)
+    } else {
+        primitive
     }
 }
 

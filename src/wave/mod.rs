@@ -6,6 +6,7 @@ pub mod soa;
 use crate::accel::{AccelCounters, HitBatch, RayBatch, ShadowBatch};
 use crate::compile::{Features, WorkItem};
 use crate::material::MaterialKind;
+use serde::{Deserialize, Serialize};
 use wide::f32x4;
 
 use crate::math::lanes::{F32s, LANES, Mask, U32s, load, load_u32, store, store_u32};
@@ -19,6 +20,33 @@ pub const MATERIAL_KINDS: usize = MaterialKind::COUNT;
 /// Depths that are counted apart; deeper rays are counted with the last.
 pub const COUNTED_DEPTHS: usize = 64;
 
+/// Contributions and path weights that were not finite or negative, by the stage that met them first.
+/// None reaches the film.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rejections {
+    /// Light found by following a ray.
+    pub emission: u64,
+    /// Light that a shadow ray would bring, or the weight of a path after scattering.
+    pub shade: u64,
+    /// Light that a shadow ray brought.
+    pub connect: u64,
+}
+
+impl Rejections {
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.emission + self.shade + self.connect
+    }
+
+    /// Adds those of another worker.
+    pub fn add(&mut self, other: &Self) {
+        self.emission += other.emission;
+        self.shade += other.shade;
+        self.connect += other.connect;
+    }
+}
+
 /// Counts of one worker.
 #[derive(Debug, Clone)]
 pub struct WaveCounters {
@@ -28,8 +56,8 @@ pub struct WaveCounters {
     pub shadow_rays: [u64; COUNTED_DEPTHS],
     /// Work of the acceleration structure.
     pub accel: AccelCounters,
-    /// Contributions that were not finite or negative, and were left out.
-    pub rejected: u64,
+    /// What was not finite or negative, and was left out.
+    pub rejected: Rejections,
     /// Paths cut at the depth limit while they carried weight.
     pub truncated: u64,
 }
@@ -40,7 +68,7 @@ impl Default for WaveCounters {
             rays: [0; COUNTED_DEPTHS],
             shadow_rays: [0; COUNTED_DEPTHS],
             accel: AccelCounters::default(),
-            rejected: 0,
+            rejected: Rejections::default(),
             truncated: 0,
         }
     }
@@ -178,6 +206,18 @@ pub fn count_depths(counts: &mut [u64; COUNTED_DEPTHS], ray_state: U32s, mask: M
     }
 }
 
+/// The lanes of `mask` whose `radiance`, or weight, is finite and not negative; the others are added to
+/// `rejected`. Debug builds assert that there are none.
+#[inline(always)]
+pub fn keep_sound(rejected: &mut u64, mask: Mask, radiance: Vec3s) -> Mask {
+    let (least, most) = (F32s::splat(0.0), F32s::splat(f32::MAX));
+    let sound = |c: F32s| c.ge(least) & c.le(most);
+    let good = mask & sound(radiance.x) & sound(radiance.y) & sound(radiance.z);
+    debug_assert_eq!(good, mask, "unsound contribution {radiance:?}");
+    *rejected += (mask.count() - good.count()) as u64;
+    good
+}
+
 /// Adds `radiance` of the lanes of `mask` to their paths; what is not finite or is negative is
 /// left out and counted.
 #[inline(always)]
@@ -188,12 +228,7 @@ pub fn add_radiance(
     path: U32s,
     radiance: Vec3s,
 ) {
-    let zero = F32s::splat(0.0);
-    let most = F32s::splat(f32::MAX);
-    let sound = |c: F32s| c.ge(zero) & c.le(most);
-    let good = mask & sound(radiance.x) & sound(radiance.y) & sound(radiance.z);
-    debug_assert_eq!(good, mask, "unsound contribution {radiance:?}");
-    *rejected += (mask.count() - good.count()) as u64;
+    let good = keep_sound(rejected, mask, radiance);
     // Four lanes at a time turned into rows, so that a path takes one addition.
     let [r, g, b]: [[f32x4; LANES / 4]; 3] =
         [radiance.x, radiance.y, radiance.z].map(bytemuck::cast);

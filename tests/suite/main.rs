@@ -11,6 +11,7 @@ mod extremes;
 mod features;
 mod furnace;
 mod hits;
+mod hostile;
 #[path = "../../benches/support/mesh_scenes.rs"]
 mod mesh_scenes;
 mod meshes;

@@ -1,0 +1,8 @@
+//! EXR images, hostile.
+
+#![no_main]
+
+#[path = "../readers.rs"]
+mod readers;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| readers::exr(bytes));

@@ -1,0 +1,8 @@
+//! MTL files, hostile.
+
+#![no_main]
+
+#[path = "../readers.rs"]
+mod readers;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| readers::mtl(bytes));

@@ -1,0 +1,8 @@
+//! OBJ files, hostile.
+
+#![no_main]
+
+#[path = "../readers.rs"]
+mod readers;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| readers::obj(bytes));
