@@ -1,4 +1,3 @@
-#![allow(unsafe_code, reason = "x")]
 //! How the 8-wide tree lies in memory: nodes of four cache lines, and leaves of as many words as their
 //! primitives need, each node followed by its leaves.
 
@@ -132,14 +131,14 @@ impl Blocks {
     #[inline(always)]
     pub(super) fn node(&self, reference: u32) -> &Node {
         let first = reference as usize / (LINE / UNIT);
-        unsafe { &*self.lines.as_ptr().add(first).cast::<Node>() }
+        bytemuck::from_bytes(bytemuck::cast_slice(&self.lines[first..first + NODE_LINES]))
     }
 
     /// The leaf of a reference with [`LEAF`], which must not be [`DONE`].
     #[inline(always)]
     pub(super) fn leaf(&self, reference: u32) -> Leaf<'_> {
         let words: &[f32] = bytemuck::cast_slice(&self.lines);
-        let words = unsafe { words.get_unchecked((reference & !LEAF) as usize * UNIT..) };
+        let words = &words[(reference & !LEAF) as usize * UNIT..];
         let header = words[0].to_bits();
         Leaf {
             triangles: (header & 0xff) as usize,

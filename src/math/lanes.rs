@@ -203,7 +203,7 @@ pub fn load_u32(column: &[u32], at: usize) -> U32s {
 /// If `column` ends before `at + LANES`.
 #[inline(always)]
 pub fn load_first(column: &[f32], at: usize, first: Mask) -> F32s {
-    imp::load_first(unsafe { column.get_unchecked(at..at + LANES) }, first)
+    imp::load_first(&column[at..at + LANES], first)
 }
 
 /// Writes `column[at .. at + LANES]`.
