@@ -78,7 +78,8 @@ pub(super) fn tiny_flat_lights(trial: &mut Trial<'_>) -> Result<()> {
     let (side, radiance) = (1e-4, 1e10);
     for distance in [1.0, 1e-1, 1e-2, 1e-3, 1e-4] {
         for corners in [3, 4] {
-            let mut scene = floor(2.0);
+            // No larger than it has to be: positions are good to a share of the scene's size.
+            let mut scene = floor(20.0 * distance);
             let light = scene.one_sided(BsdfDescription::Black, radiance);
             let place = [[0.0, 0.0], [0.0, side], [side, side], [side, 0.0]]
                 .map(|[x, y]| [x - 0.3 * side, y - 0.4 * side, distance]);
@@ -169,24 +170,28 @@ fn slope(points: &[(f64, f64)]) -> f64 {
     mean(&|p| (p.0 - x) * (p.1 - y)) / mean(&|p| (p.0 - x).powi(2))
 }
 
-/// A floor under each of these lights, so that light and floor touch or the light lies in a wall's plane.
+/// A floor of half size 2.
+fn matte_floor() -> SceneBuilder {
+    let mut scene = SceneBuilder::new();
+    let matte = scene.matter(lambertian(ALBEDO));
+    scene.floor(2.0, 0.0, matte);
+    scene
+}
+
+/// A camera that sees the floor before whatever stands on it.
+fn look_at_floor(scene: &mut SceneBuilder) {
+    scene.window(
+        [0.0, -3.0, 2.0],
+        [-1.0, -0.5, 0.0],
+        [2.0, 0.0, 0.0],
+        [0.0, 1.4, 0.0],
+    );
+}
+
+/// Lights that touch the floor or a wall, or are themselves closed meshes.
 fn touching_scenes() -> Vec<(String, SceneBuilder)> {
-    let view = |scene: &mut SceneBuilder| {
-        scene.window(
-            [0.0, -3.0, 2.0],
-            [-1.0, -0.5, 0.0],
-            [2.0, 0.0, 0.0],
-            [0.0, 1.4, 0.0],
-        );
-    };
-    let base = || {
-        let mut scene = SceneBuilder::new();
-        let matte = scene.matter(lambertian(ALBEDO));
-        scene.floor(2.0, 0.0, matte);
-        scene
-    };
     let mut scenes = Vec::new();
-    let mut mesh = base();
+    let mut mesh = matte_floor();
     let light = mesh.one_sided(BsdfDescription::Black, 1.0);
     let ball = procedural::icosphere(0.5, 1);
     let positions = ball
@@ -195,46 +200,51 @@ fn touching_scenes() -> Vec<(String, SceneBuilder)> {
         .map(|p| *p + DVec3::new(0.0, 0.4, 1.0));
     mesh.mesh(positions.collect(), ball.faces.clone(), light);
     scenes.push(("closed mesh of 80 lights".to_owned(), mesh));
-    for gap in [0.0, 1e-6, 1e-4] {
-        let mut scene = base();
-        let wall = scene.matter(lambertian(ALBEDO));
-        let light = scene.one_sided(BsdfDescription::Black, 1.0);
-        let square = |half: f64, y: f64| {
-            [
-                [-half, 0.0],
-                [half, 0.0],
-                [half, 2.0 * half],
-                [-half, 2.0 * half],
-            ]
-            .map(|[x, z]| [x, y, z])
-        };
-        scene.quad(square(1.0, 1.0), wall);
-        scene.quad(square(0.5, 1.0 - gap), light);
-        scenes.push((format!("light in a wall, gap {gap:e}"), scene));
+    for gap in [1e-6, 1e-4] {
+        scenes.push((format!("light in a wall, gap {gap:e}"), light_in_wall(gap)));
     }
-    let mut tangent = base();
+    let mut tangent = matte_floor();
     let light = tangent.one_sided(BsdfDescription::Black, 1.0);
     tangent.sphere([0.0, 0.4, 0.5], 0.5, light);
     scenes.push(("sphere light on the floor".to_owned(), tangent));
     for (_, scene) in &mut scenes {
-        view(scene);
+        look_at_floor(scene);
     }
     scenes
 }
 
+/// A floor before a wall, and in the wall's plane but for a gap a light.
+fn light_in_wall(gap: f64) -> SceneBuilder {
+    let mut scene = matte_floor();
+    let wall = scene.matter(lambertian(ALBEDO));
+    let light = scene.one_sided(BsdfDescription::Black, 1.0);
+    let square = |half: f64, y: f64| {
+        [
+            [-half, 0.0],
+            [half, 0.0],
+            [half, 2.0 * half],
+            [-half, 2.0 * half],
+        ]
+        .map(|[x, z]| [x, y, z])
+    };
+    scene.quad(square(1.0, 1.0), wall);
+    scene.quad(square(0.5, 1.0 - gap), light);
+    scene
+}
+
 pub(super) fn light_ends(trial: &mut Trial<'_>) -> Result<()> {
     let samples = trial.count(1_024);
+    let settings = |strategy: Strategy| RenderSettings {
+        budget: Budget::Samples(samples),
+        block: 16,
+        seed: strategy as u64,
+        ..path(strategy, 2)
+    };
     for (label, scene) in touching_scenes() {
         let scene = scene.build();
         let mut pictures = Vec::new();
         for strategy in STRATEGIES {
-            let settings = RenderSettings {
-                budget: Budget::Samples(samples),
-                block: 16,
-                seed: strategy as u64,
-                ..path(strategy, 2)
-            };
-            pictures.push(trial.picture(&scene, [32, 32], &settings)?);
+            pictures.push(trial.picture(&scene, [32, 32], &settings(strategy))?);
         }
         let mut worst = 0.0;
         for other in &pictures[1..] {
@@ -246,6 +256,17 @@ pub(super) fn light_ends(trial: &mut Trial<'_>) -> Result<()> {
             Figure::standard_errors(worst, 3 * 1_024 * samples),
         );
     }
+    // Without a gap a ray that happens to go there sees the one or the other; rays to the light see it.
+    let [mut without, mut with] = [0.0, 1e-6].map(light_in_wall);
+    look_at_floor(&mut without);
+    look_at_floor(&mut with);
+    let sampled = trial.picture(&without.build(), [32, 32], &settings(Strategy::Nee))?;
+    let expected = trial.picture(&with.build(), [32, 32], &settings(Strategy::Mis))?;
+    trial.note(
+        "light in a wall, gap 0, NEE",
+        "MIS at gap 1e-6, per tile",
+        Figure::standard_errors(worst_tile(&expected, &sampled), 2 * 1_024 * samples),
+    );
     Ok(())
 }
 
