@@ -313,7 +313,7 @@ pub(super) struct StabilityArgs {
     #[arg(long)]
     pub(super) full: bool,
 
-    /// Rays per closed mesh and structure in the case `vertices`
+    /// Rays per closed mesh and structure in the case `vertices`; fewer for the linear scan
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) rays: Option<u64>,
 

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::error::Result;
 use crate::film::check_writable;
-use crate::report::stability::{self, CASES, Effort, StabilitySettings};
+use crate::report::stability::{self, CASES, Effort, StabilityReport, StabilitySettings};
 
 use super::args::StabilityArgs;
 use super::job::{MAX_THREADS, check_range, check_report_name};
@@ -46,11 +46,15 @@ pub(super) fn run(args: &StabilityArgs) -> Result<Status> {
         write_json(path, &report.to_json())?;
     }
     print(&report.to_string())?;
-    Ok(if report.failures().next().is_none() {
+    Ok(status(&report))
+}
+
+fn status(report: &StabilityReport) -> Status {
+    if report.failures().next().is_none() {
         Status::Done
     } else {
         Status::Exceeded
-    })
+    }
 }
 
 /// The cases, one per line.
@@ -64,4 +68,22 @@ fn list() -> String {
         );
         text
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_row_that_fails_is_enough() {
+        let settings = StabilitySettings {
+            cases: vec!["mis-weights".to_owned()],
+            effort: Effort::Test,
+            ..StabilitySettings::default()
+        };
+        let mut report = stability::run(&settings, &mut |_| {}).unwrap();
+        assert_eq!(status(&report), Status::Done);
+        report.findings[2].passed = false;
+        assert_eq!(status(&report), Status::Exceeded);
+    }
 }

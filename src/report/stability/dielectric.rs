@@ -291,7 +291,7 @@ pub(super) fn thin_plates(trial: &mut Trial<'_>) -> Result<()> {
         (4e-4, 1e-6),
         (4e-4, 1e6),
     ] {
-        let label = format!("{:e} of coordinates, size {size:e}", thickness / 200.0);
+        let label = format!("{:.0e} of coordinates, size {size:e}", thickness / 200.0);
         let scene = plate(thickness, size);
         trial.on_structures(label, "(1 − R)/(1 + R)", |trial, structure| {
             let settings = RenderSettings {

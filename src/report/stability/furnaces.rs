@@ -56,18 +56,12 @@ pub(super) fn exact(trial: &mut Trial<'_>) -> Result<()> {
                             samples += picture.film.total_samples();
                         }
                     }
-                    Ok(Figure::relative(worst, tolerance(depth), samples))
+                    Ok(Figure::relative(worst, 1e-6, samples))
                 },
             )?;
         }
     }
     Ok(())
-}
-
-/// The catalogue's 10⁻⁶ up to some twenty segments; beyond, one rounding of the throughput per segment
-/// and one of the sum, all to one side at worst.
-fn tolerance(depth: u32) -> f64 {
-    f64::from(crate::math::float::gamma(2 * depth)).max(1e-6)
 }
 
 pub(super) fn scaled(trial: &mut Trial<'_>) -> Result<()> {

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::Effort;
 use super::closed_meshes::{Aim, BLOCK, ClosedMesh, Random};
 use super::rays::Rays;
 use super::trial::{Figure, Trial};
@@ -11,9 +12,9 @@ use crate::geometry::triangle::ShearRay;
 use crate::geometry::{Geometry, PrimitiveId, Triangle};
 
 /// Points inside of each mesh that rays start from.
-const POINTS: usize = 60;
+const POINTS: usize = 40;
 /// Ray–triangle tests for which the scan has time: it gets fewer rays.
-const SCAN_TESTS: u64 = 200_000_000;
+const SCAN_TESTS: u64 = 100_000_000;
 /// Centre in the watertightness test of Embree.
 const EMBREE_CENTER: DVec3 = DVec3::new(148_376.0, 1_234.0, -223_423.0);
 
@@ -44,7 +45,8 @@ fn escapes(
 }
 
 /// Spheres of needles and quads at any place and of any size.
-fn spheres() -> impl Iterator<Item = (String, ClosedMesh)> {
+fn spheres(effort: Effort) -> impl Iterator<Item = (String, ClosedMesh)> {
+    let rows = if effort == Effort::Full { 100 } else { 40 };
     let far = DVec3::new(1e6, -0.3e6, 0.7e6);
     [
         (2.0, 0.0, DVec3::ZERO, "at the origin"),
@@ -55,17 +57,22 @@ fn spheres() -> impl Iterator<Item = (String, ClosedMesh)> {
         (200.0, 0.3, far, "at 1.3e6"),
     ]
     .into_iter()
-    .map(|(radius, jitter, center, place)| {
+    .map(move |(radius, jitter, center, place)| {
         let label = format!("radius {radius:e} {place}, jitter {jitter}");
-        let mesh = ClosedMesh::placed_sphere(60, jitter, radius, center, POINTS);
+        let mesh = ClosedMesh::placed_sphere(rows, jitter, radius, center, POINTS);
         (label, mesh)
     })
 }
 
 pub(super) fn vertices(trial: &mut Trial<'_>) -> Result<()> {
-    let rays = trial.leak_rays().unwrap_or(trial.count(2_000_000));
+    let by_effort = match trial.effort() {
+        // Ten million over all meshes and trees.
+        Effort::Test => 320_000,
+        Effort::Quick | Effort::Full => trial.count(1_000_000),
+    };
+    let rays = trial.leak_rays().unwrap_or(by_effort);
     let aims = [Aim::Random, Aim::Vertex, Aim::Edge];
-    for (label, mesh) in spheres() {
+    for (label, mesh) in spheres(trial.effort()) {
         escapes(trial, label, &mesh, &aims, rays)?;
     }
     for mesh in [
@@ -79,7 +86,7 @@ pub(super) fn vertices(trial: &mut Trial<'_>) -> Result<()> {
 
 pub(super) fn needle_fan(trial: &mut Trial<'_>) -> Result<()> {
     let mesh = ClosedMesh::double_cone(2_000, POINTS);
-    let rays = trial.count(400_000);
+    let rays = trial.count(20_000);
     let aims = [Aim::Random, Aim::Vertex, Aim::Edge];
     escapes(
         trial,
@@ -91,9 +98,9 @@ pub(super) fn needle_fan(trial: &mut Trial<'_>) -> Result<()> {
 }
 
 pub(super) fn axes(trial: &mut Trial<'_>) -> Result<()> {
-    let rays = trial.count(1_000_000);
+    let rays = trial.count(200_000);
     let aims = [Aim::Axis, Aim::AxisThroughVertex, Aim::LevelWithVertex];
-    for (label, mesh) in spheres() {
+    for (label, mesh) in spheres(trial.effort()) {
         escapes(trial, format!("sphere, {label}"), &mesh, &aims, rays)?;
     }
     let sponge = ClosedMesh::sponge(2_112, POINTS);
