@@ -24,7 +24,6 @@ use crate::scene::{
 fn load_obj(obj: &str, mtl: &str) -> Result<SceneDescription> {
     let folder = tempfile::tempdir().map_err(|error| Error::io(&std::env::temp_dir(), &error))?;
     let text = r#"
-        background = 1.0
         [film]
         width = 16
         height = 16
@@ -33,6 +32,8 @@ fn load_obj(obj: &str, mtl: &str) -> Result<SceneDescription> {
         look_at = [0.3, 0.3, 0.0]
         up = [0.0, 1.0, 0.0]
         fov = 40.0
+        [background]
+        radiance = 1.0
         [materials.matte]
         type = "lambertian"
         reflectance = 0.6

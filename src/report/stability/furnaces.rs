@@ -97,8 +97,7 @@ pub(super) fn lit(trial: &mut Trial<'_>) -> Result<()> {
     for strategy in [Strategy::Mis, Strategy::Nee] {
         for (name, bsdf) in without_variance(0.5) {
             for is_sphere in [false, true] {
-                let scene = glowing_room(bsdf, 1.0, DVec3::ZERO, is_sphere).build();
-                let mut scene = scene;
+                let mut scene = glowing_room(bsdf, 1.0, DVec3::ZERO, is_sphere).build();
                 // Light sampling sees the background too; leaks are the business of other cases.
                 scene.background = DVec3::ZERO;
                 let settings = RenderSettings {
