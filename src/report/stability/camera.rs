@@ -153,16 +153,21 @@ pub(super) fn eyes(trial: &mut Trial<'_>) -> Result<()> {
 
 pub(super) fn coverage(trial: &mut Trial<'_>) -> Result<()> {
     let samples = trial.count(1_024);
-    for (distance, fov) in [(5.0, 40f64), (1e5, 2e-3), (1.000_001, 179.0), (1e7, 2e-5)] {
+    for (radius, distance, fov) in [
+        (1.0, 5.0, 40f64),
+        (1.0, 1e5, 2e-3),
+        (1.0, 1.000_001, 179.0),
+        (2e6, 1e7, 40.0),
+    ] {
         // A cone of half angle asin(r/d) about the axis cuts the image plane in a circle.
-        let size: f64 = 1.0 / distance;
+        let size: f64 = radius / distance;
         let tan = size / (1.0 - size * size).sqrt();
         let half = (fov.to_radians() / 2.0).tan();
         // All of the disc is in the picture, or all of the picture is on the disc.
         let expected = (PI * (tan / half).powi(2) / 4.0).min(1.0);
         let mut scene = SceneBuilder::new();
         let light = scene.one_sided(BsdfDescription::Black, 1.0);
-        scene.sphere([1.0, 2.0, 3.0], 1.0, light);
+        scene.sphere([1.0, 2.0, 3.0], radius, light);
         let mut scene = scene.build();
         let target = DVec3::new(1.0, 2.0, 3.0);
         scene.cameras.push(CameraDescription {
@@ -183,7 +188,7 @@ pub(super) fn coverage(trial: &mut Trial<'_>) -> Result<()> {
         // A far camera's f32 position is good to an ulp of its distance.
         let off = deviation(mean - expected, error.max(1e-12), 1e-5 * expected);
         trial.note(
-            format!("fov {fov:e}°, sphere {distance:e} radii away"),
+            format!("fov {fov:e}°, radius {radius:e} from {distance:e}"),
             "π tan²α/(4 tan²(fov/2))",
             Figure::standard_errors(off, picture.film.total_samples()),
         );

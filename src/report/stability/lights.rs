@@ -124,7 +124,7 @@ fn foot_of_a_wall() -> SceneBuilder {
 pub(super) fn touching_light(trial: &mut Trial<'_>) -> Result<()> {
     // The corner formula's mean over the strip, for radiance 1, to seven digits.
     let expected = ALBEDO / PI * 1.509302;
-    let height = trial.count(1_024).min(4_096) as u32;
+    let height = trial.count(1_024).clamp(1_024, 4_096) as u32;
     let scene = foot_of_a_wall().build();
     for strategy in STRATEGIES {
         let mut errors = Vec::new();

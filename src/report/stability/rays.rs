@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::accel::{Accel, AccelCounters, HitBatch, RayBatch};
 use crate::geometry::PrimitiveId;
+use crate::integrator::clock::thread_cpu_seconds;
 use crate::math::LANES;
 use crate::math::float::flush_denormals;
 
@@ -40,6 +41,15 @@ impl Rays {
 
     /// Distance and primitive of the closest hits.
     pub(super) fn closest(&self, accel: &dyn Accel) -> Vec<(f32, u32)> {
+        self.trace(accel).0
+    }
+
+    /// CPU seconds that finding the closest hits takes.
+    pub(super) fn seconds(&self, accel: &dyn Accel) -> f64 {
+        self.trace(accel).1
+    }
+
+    fn trace(&self, accel: &dyn Accel) -> (Vec<(f32, u32)>, f64) {
         let len = self.len();
         let size = len.next_multiple_of(LANES);
         // What lies past the last ray may be anything.
@@ -63,13 +73,16 @@ impl Rays {
             primitive: &mut primitive,
         };
         // On a thread of its own, which flushes denormals as the renderer's do.
-        std::thread::scope(|scope| {
-            scope.spawn(|| {
+        let seconds = std::thread::scope(|scope| {
+            let thread = scope.spawn(|| {
                 flush_denormals();
+                let start = thread_cpu_seconds();
                 accel.closest(rays, hits, &mut AccelCounters::default());
+                thread_cpu_seconds() - start
             });
+            thread.join().expect("queries do not panic")
         });
-        t.into_iter().zip(primitive).take(len).collect()
+        (t.into_iter().zip(primitive).take(len).collect(), seconds)
     }
 }
 
