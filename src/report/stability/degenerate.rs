@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::closed_meshes::Random;
-use super::rays::{Rays, narrow, wide};
+use super::rays::{Rays, flushed, narrow, wide};
 use super::renders::{Picture, kind, path};
 use super::scenes::{SceneBuilder, lambertian};
 use super::trial::{Figure, Trial};
@@ -157,7 +157,7 @@ fn against_plain_loop(
     rays: &Rays,
     structures: &[Structure],
 ) -> Result<()> {
-    let expected = plain_loop(geometry, rays);
+    let expected = flushed(|| plain_loop(geometry, rays));
     let samples = rays.len() as u64;
     trial.on(structures, label, "plain loop over all", |_, structure| {
         let accel = accel::build(structure, geometry)?;
@@ -294,7 +294,7 @@ pub(super) fn garbage(trial: &mut Trial<'_>) -> Result<()> {
             continue;
         }
         let rays = rays_to(&garbage, 64, &mut random);
-        let expected = plain_loop(&garbage, &rays);
+        let expected = flushed(|| plain_loop(&garbage, &rays));
         scenes.push((garbage, rays, expected));
     }
     let samples = scenes.iter().map(|scene| scene.1.len() as u64).sum();

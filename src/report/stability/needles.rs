@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::geometry::{Geometry, PrimitiveId, Triangle};
 
 pub(super) fn needles(trial: &mut Trial<'_>) -> Result<()> {
-    let count = trial.count(8_000);
+    let count = trial.count(2_000);
     for aspect in [1.0, 10.0, 1e3, 1e5, 1e7] {
         for degrees in [30.0, 0.5, 0.01] {
             let label = format!("aspect {aspect:e}, {degrees}° to the plane");

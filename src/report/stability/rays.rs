@@ -72,18 +72,24 @@ impl Rays {
             t: &mut t,
             primitive: &mut primitive,
         };
-        // On a thread of its own, which flushes denormals as the renderer's do.
-        let seconds = std::thread::scope(|scope| {
-            let thread = scope.spawn(|| {
-                flush_denormals();
-                let start = thread_cpu_seconds();
-                accel.closest(rays, hits, &mut AccelCounters::default());
-                thread_cpu_seconds() - start
-            });
-            thread.join().expect("queries do not panic")
+        let seconds = flushed(|| {
+            let start = thread_cpu_seconds();
+            accel.closest(rays, hits, &mut AccelCounters::default());
+            thread_cpu_seconds() - start
         });
         (t.into_iter().zip(primitive).take(len).collect(), seconds)
     }
+}
+
+/// Runs on a thread of its own, which flushes denormals as the renderer's do.
+pub(super) fn flushed<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+    std::thread::scope(|scope| {
+        let thread = scope.spawn(|| {
+            flush_denormals();
+            work()
+        });
+        thread.join().expect("the work does not panic")
+    })
 }
 
 /// A vector of f32 in f64.

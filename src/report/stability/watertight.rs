@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::Effort;
 use super::closed_meshes::{Aim, BLOCK, ClosedMesh, Random};
-use super::rays::Rays;
+use super::rays::{Rays, flushed};
 use super::trial::{Figure, Trial};
 use crate::accel::{self, Structure};
 use crate::error::Result;
@@ -178,7 +178,7 @@ fn plain_loop(geometry: &Geometry, rays: &Rays) -> Vec<f32> {
 fn flat_grid(trial: &mut Trial<'_>) -> Result<()> {
     let geometry = grid();
     let rays = rays_to_grid(trial.count(40_000));
-    let expected = plain_loop(&geometry, &rays);
+    let expected = flushed(|| plain_loop(&geometry, &rays));
     let samples = rays.len() as u64;
     trial.on_structures(
         "flat grid, components ±0 to 1e-44",
