@@ -8,14 +8,11 @@
 //! A word after `--` restricts it to meshes and structures with that word in `MESH/STRUCTURE`.
 #![allow(clippy::print_stdout, reason = "its output is the figures")]
 
-#[path = "support/closed_meshes.rs"]
-mod closed_meshes;
-
 use std::process::ExitCode;
 use std::time::Instant;
 
-use closed_meshes::{BLOCK, ClosedMesh};
 use wavepath::accel::{Structure, build};
+use wavepath::report::stability::closed_meshes::{Aim, BLOCK, ClosedMesh};
 
 /// Points inside of each mesh.
 const POINTS: usize = 200;
@@ -36,7 +33,7 @@ fn meshes(is_test: bool) -> Vec<ClosedMesh> {
                 "small/skull.obj.zst",
                 "medium/stanford-dragon.obj.zst",
             ]
-            .map(|file| ClosedMesh::read(folder.as_ref(), file, POINTS)),
+            .map(|file| ClosedMesh::read(folder.as_ref(), file, POINTS).expect("readable")),
         ),
         None => println!("real meshes skipped: WAVEPATH_MESHES names no folder"),
     }
@@ -61,7 +58,7 @@ fn main() -> ExitCode {
             let accel = build(structure, &mesh.geometry).expect("few triangles");
             let start = Instant::now();
             let blocks = rays.div_ceil(BLOCK as u64);
-            let escapes = mesh.escapes(&*accel, blocks);
+            let escapes = mesh.escapes(&*accel, &Aim::ALL, blocks);
             println!(
                 "{name}, {} triangles: {escapes} of {} rays escaped, {:.1} s",
                 mesh.geometry.triangles.len(),

@@ -1,20 +1,15 @@
 //! `wavepath accels`: acceleration structures compared on rays of a scene.
 
-use std::io::Write;
-use std::path::Path;
-
 use crate::compile::compile;
-use crate::error::{Error, Result};
-use crate::film::{check_writable, write_atomically};
+use crate::error::Result;
+use crate::film::check_writable;
 use crate::report::SceneReport;
-use crate::report::accels::{
-    AccelsInput, AccelsReport, AccelsSettings, Contestant, Event, RayKind, compare,
-};
+use crate::report::accels::{AccelsInput, AccelsSettings, Contestant, Event, RayKind, compare};
 use crate::scene::MAX_WAVE;
 
 use super::args::{AccelsArgs, SceneArgs};
 use super::job::{MAX_THREADS, SceneJob, check_range, check_report_name};
-use super::{Status, note, print};
+use super::{Status, note, print, write_json};
 
 /// Most rays per set: some GiB of columns.
 const MAX_RAYS: usize = 1 << 28;
@@ -77,7 +72,7 @@ pub(super) fn run(args: &AccelsArgs) -> Result<Status> {
         Event::Progress(text) | Event::Note(text) => note(text),
     })?;
     if let Some(path) = &args.json {
-        write_json(path, &report)?;
+        write_json(path, &report.to_json())?;
     }
     print(&report.to_string())?;
     let faults = report.faults();
@@ -101,10 +96,4 @@ fn kinds(chosen: &[RayKind]) -> Vec<RayKind> {
     kinds.sort_unstable();
     kinds.dedup();
     kinds
-}
-
-fn write_json(path: &Path, report: &AccelsReport) -> Result<()> {
-    write_atomically(path, |file| {
-        writeln!(file, "{}", report.to_json()).map_err(|error| Error::io(path, &error))
-    })
 }

@@ -37,6 +37,8 @@ pub(super) enum Command {
     Converge(Box<ConvergeArgs>),
     /// Render figures of the hexagonal room, and a page that shows them
     Gallery(GalleryArgs),
+    /// Hold stiff and extreme cases against what is known of them
+    Stability(StabilityArgs),
 }
 
 /// What decides how a scene is compiled.
@@ -450,6 +452,46 @@ pub(super) struct GalleryArgs {
     pub(super) threads: Option<usize>,
 
     /// Do not tell what is being done
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+}
+
+/// `wavepath stability`
+#[derive(Debug, clap::Args)]
+pub(super) struct StabilityArgs {
+    /// Case, by its name in the table; may be given several times [default: all]
+    #[arg(long = "case", value_name = "NAME")]
+    pub(super) cases: Vec<String>,
+
+    /// Acceleration structures, separated by commas [default: all of this program]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(super) structures: Vec<String>,
+
+    /// Samples as for every change, about a minute of CPU time: the default
+    #[arg(long, conflicts_with = "full")]
+    pub(super) quick: bool,
+
+    /// Samples as for a release, thirty times as many
+    #[arg(long)]
+    pub(super) full: bool,
+
+    /// Rays per closed mesh and structure in the case `vertices`; fewer for the linear scan
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) rays: Option<u64>,
+
+    /// Worker threads (same findings) [default: all cores]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) threads: Option<usize>,
+
+    /// Print the names of the cases and what they are about, and run none
+    #[arg(long)]
+    pub(super) list: bool,
+
+    /// Write the findings as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub(super) json: Option<PathBuf>,
+
+    /// Do not tell of each case as it ends
     #[arg(short, long)]
     pub(super) quiet: bool,
 }

@@ -117,7 +117,12 @@ fn configurations(
             note(&format!("warning: {warning}"));
         }
     }
-    check_memory(base.scene.film.width, base.scene.film.height, false, if base.settings.adaptive { 2 } else { 1 })?;
+    check_memory(
+        base.scene.film.width,
+        base.scene.film.height,
+        false,
+        if base.settings.adaptive { 2 } else { 1 },
+    )?;
     let mut inputs: Vec<ConfigurationInput> = Vec::new();
     for Variation {
         name,

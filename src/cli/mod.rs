@@ -11,6 +11,7 @@ mod mesh;
 mod plan;
 mod progress;
 mod render;
+mod stability;
 mod variations;
 
 use std::ffi::OsString;
@@ -21,6 +22,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use crate::error::{Error, Result};
+use crate::film::write_atomically;
 
 use args::{Args, Command};
 use job::{RenderJob, SceneJob};
@@ -33,7 +35,7 @@ pub const BAD_INPUT: u8 = 2;
 pub enum Status {
     /// It did what was asked: exit code 0.
     Done,
-    /// Images, or answers of structures, differ by more than is allowed: exit code 1.
+    /// Images, answers of structures, or cases of stability are off by more than is allowed: exit code 1.
     Exceeded,
     /// It was interrupted: exit code 130, as shells report SIGINT. A render has written what there was.
     Interrupted,
@@ -66,6 +68,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Result<Status> {
         Some(Command::Accels(args)) => accels::run(&args),
         Some(Command::Converge(args)) => converge::run(&args),
         Some(Command::Gallery(args)) => gallery::run(&args),
+        Some(Command::Stability(args)) => stability::run(&args),
     }
 }
 
@@ -91,6 +94,13 @@ fn print(text: &str) -> Result<Status> {
         }
         _ => Ok(Status::Done),
     }
+}
+
+/// Writes a report aside and renames it.
+fn write_json(path: &Path, json: &str) -> Result<()> {
+    write_atomically(path, |file| {
+        writeln!(file, "{json}").map_err(|error| Error::io(path, &error))
+    })
 }
 
 /// Prints a line to standard error, if it can be.

@@ -32,7 +32,7 @@ fn gibibytes(bytes: u64) -> String {
 
 /// Bytes that can be allocated without swapping: the kernel's estimate, or the limit of the
 /// process's control group where that is smaller. `None` where neither can be read.
-pub(super) fn available_bytes() -> Option<u64> {
+pub(crate) fn available_bytes() -> Option<u64> {
     let machine = std::fs::read_to_string("/proc/meminfo")
         .ok()
         .as_deref()

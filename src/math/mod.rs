@@ -7,7 +7,6 @@ pub mod lanes;
 pub mod mis;
 pub mod prefetch;
 pub mod table;
-#[cfg(test)]
 pub(crate) mod testing;
 pub mod vec3;
 pub mod warp;

@@ -1,4 +1,4 @@
-//! What the statistical tests share: uniform numbers, lanes as f64, quadrature over directions and
+//! What statistical tests and the stability cases share: uniform numbers, lanes as f64, quadrature over directions and
 //! the chi-squared test that samples follow their stated density.
 
 use rand_core::Rng;
@@ -104,6 +104,7 @@ impl DirectionBins {
 
     /// For densities whose support has corners, which may poke into a bin between all points that
     /// quadrature looks at.
+    #[cfg(test)]
     pub(crate) fn with_corners(self) -> Self {
         Self { splits: 3, ..self }
     }
@@ -243,13 +244,10 @@ impl<'a> ChiSquared<'a> {
         }
     }
 
-    /// Asserts that the counts follow `pdf` (per steradian; what it lacks of 1 are invalid samples)
-    /// and returns its integral over the bins.
+    /// How well the counts follow `pdf` (per steradian; what it lacks of 1 are invalid samples).
     ///
-    /// Bins are pooled to at least 5 expected samples. The limit of 4 standard deviations (Wilson and
-    /// Hilferty's normal form of chi²) is a false alarm of 3e-5 per test.
-    pub(crate) fn check(&self, pdf: &impl Fn(Vec3s) -> F32s, what: &str) -> f64 {
-        assert_eq!(self.outside, 0, "{what}: samples where the density is zero");
+    /// Bins are pooled to at least 5 expected samples.
+    pub(crate) fn verdict(&self, pdf: &impl Fn(Vec3s) -> F32s) -> ChiSquaredVerdict {
         let probabilities = self.bins.integrate(pdf);
         let integral: f64 = probabilities.iter().sum();
         let total = f64::from(self.total);
@@ -270,16 +268,41 @@ impl<'a> ChiSquared<'a> {
                 pool = (0.0, 0.0);
             }
         }
-        assert!(cells > 1, "{what}: {cells} cells cannot be tested");
-        let freedom = f64::from(cells - 1);
-        let spread = 2.0 / (9.0 * freedom);
-        let z = ((chi2 / freedom).cbrt() - (1.0 - spread)) / spread.sqrt();
-        assert!(
-            z < 4.0,
-            "{what}: chi² = {chi2:.1} for {freedom} degrees of freedom, {z:.1} deviations"
-        );
-        integral
+        ChiSquaredVerdict {
+            standard_errors: normal_of_chi_squared(chi2, cells.saturating_sub(1)),
+            integral,
+            outside: self.outside,
+        }
     }
+
+    /// Asserts that the counts follow `pdf` and returns its integral over the bins. The limit of 4
+    /// standard errors is a false alarm of 3e-5 per test.
+    #[cfg(test)]
+    pub(crate) fn check(&self, pdf: &impl Fn(Vec3s) -> F32s, what: &str) -> f64 {
+        assert_eq!(self.outside, 0, "{what}: samples where the density is zero");
+        let verdict = self.verdict(pdf);
+        let z = verdict.standard_errors;
+        assert!(z < 4.0, "{what}: chi² is {z:.1} standard errors too large");
+        verdict.integral
+    }
+}
+
+/// What [`ChiSquared`] says of a density.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ChiSquaredVerdict {
+    /// By how many standard errors χ² is too large; NaN if there was too little to test.
+    pub(crate) standard_errors: f64,
+    /// Integral of the density over the bins.
+    pub(crate) integral: f64,
+    /// Samples outside of all bins.
+    pub(crate) outside: u32,
+}
+
+/// χ² with these degrees of freedom as a standard normal number (Wilson and Hilferty 1931); NaN for none.
+pub(crate) fn normal_of_chi_squared(chi2: f64, freedom: u32) -> f64 {
+    let freedom = f64::from(freedom);
+    let spread = 2.0 / (9.0 * freedom);
+    ((chi2 / freedom).cbrt() - (1.0 - spread)) / spread.sqrt()
 }
 
 /// Mean and standard error of a stream of numbers.
@@ -301,10 +324,16 @@ impl Mean {
         self.sum / self.n
     }
 
-    /// Asserts that the mean is `exact` to 4 standard errors plus 1e-5 relative (of f32 samples).
-    pub(crate) fn check(&self, exact: f64, what: &str) {
+    /// Standard error of the mean.
+    pub(crate) fn standard_error(&self) -> f64 {
         let mean = self.mean();
-        let error = ((self.squares / self.n - mean * mean).max(0.0) / self.n).sqrt();
+        ((self.squares / self.n - mean * mean).max(0.0) / self.n).sqrt()
+    }
+
+    /// Asserts that the mean is `exact` to 4 standard errors plus 1e-5 relative (of f32 samples).
+    #[cfg(test)]
+    pub(crate) fn check(&self, exact: f64, what: &str) {
+        let (mean, error) = (self.mean(), self.standard_error());
         let difference = (mean - exact).abs();
         assert!(
             difference <= 4.0 * error + 1e-5 * exact.abs(),

@@ -7,6 +7,7 @@ pub mod gallery;
 mod html;
 mod load;
 mod machine;
+pub mod stability;
 mod summary;
 
 pub use clock::{Span, Stopwatch, peak_memory};

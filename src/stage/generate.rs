@@ -12,7 +12,6 @@ use crate::wave::{Wave, state};
 ///
 /// Where paths may split at glass, only as many start as have room for all their rays.
 pub(super) fn generate<const F: u32>(scene: &CompiledScene, item: &WorkItem, wave: &mut Wave) {
-    let whitted = scene.on::<F>(Features::WHITTED);
     let splits = scene.branching.splits;
     let taken = if splits == 0 {
         wave.rays.len

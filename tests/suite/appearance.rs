@@ -4,9 +4,9 @@ use glam::DVec3;
 use wavepath::scene::{BsdfDescription, Mesh, RenderSettings, SceneDescription, Strategy};
 
 use crate::builder::{SceneBuilder, ball, glass, glowing_room, lambertian, mirror, sheet};
-use crate::oracles;
 use crate::renderer::{Renderer, STRATEGIES, STRUCTURES, endless, path, shown_by_both, whitted};
 use crate::support::picture;
+use wavepath::report::stability::oracles;
 
 shown_by_both! {
     a_plate_lets_its_share_of_the_light_straight_on,

@@ -10,6 +10,7 @@ use wavepath::film::{ExrImage, read_exr};
 use wavepath::integrator::stats::EndReason;
 use wavepath::report::RenderReport;
 use wavepath::report::accels::{AccelsReport, RayKind};
+use wavepath::report::stability::StabilityReport;
 use wavepath::scene::{AccelQuality, Budget, SamplerKind, Strategy};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/hexroom.toml");
@@ -930,4 +931,54 @@ fn gallery_is_a_page_with_every_picture_and_the_command_that_repeats_it() {
 
     let message = refuse(wavepath(&directory).args(["gallery", "--scale=0"]));
     assert!(message.contains("--scale"), "{message}");
+}
+
+#[test]
+fn stability_prints_the_cases_asked_for_and_writes_them() {
+    let directory = directory();
+    let output = succeed(wavepath(&directory).args([
+        "stability",
+        "--quiet",
+        "--case=self-hits",
+        "--case=frames",
+        "--structures=bvh8,octree",
+        "--json=findings.json",
+    ]));
+    assert_eq!(stderr(&output), "");
+    let text = stdout(&output);
+    assert!(text.contains("pass (2 structures)"), "{text}");
+    let json = fs::read_to_string(directory.path().join("findings.json")).unwrap();
+    let report: StabilityReport = serde_json::from_str(&json).unwrap();
+    assert_eq!(report.settings.cases, ["self-hits", "frames"]);
+    let cases = |name: &str| report.findings.iter().filter(|f| f.case == name).count();
+    assert_eq!((cases("self-hits"), cases("frames")), (7, 2));
+    assert!(report.findings.iter().all(|finding| finding.passed));
+    let structures: Vec<&str> = report.findings[0]
+        .structures
+        .iter()
+        .map(|part| part.structure.as_str())
+        .collect();
+    assert_eq!(structures, ["octree", "bvh8"]);
+
+    let listed = succeed(wavepath(&directory).args(["stability", "--list"]));
+    assert!(
+        stdout(&listed)
+            .lines()
+            .any(|line| line.contains("needle-fan"))
+    );
+}
+
+#[test]
+fn stability_refuses_what_it_does_not_know_before_it_runs() {
+    let directory = directory();
+    for (argument, part) in [
+        ("--case=speed", "there is no case \"speed\""),
+        ("--structures=bvh9", "there is no structure \"bvh9\""),
+        ("--rays=0", "--rays must be at least 1"),
+        ("--json=findings.txt", "must end in .json"),
+    ] {
+        let message = refuse(wavepath(&directory).args(["stability", argument]));
+        assert!(message.contains(part), "{message}");
+    }
+    assert!(files(&directory).is_empty());
 }

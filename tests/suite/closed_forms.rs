@@ -10,9 +10,9 @@ use wavepath::scene::{
 };
 
 use crate::builder::{SceneBuilder, busy_room, glass, glowing_room, lambertian, mirror};
-use crate::oracles;
 use crate::renderer::{Renderer, STRATEGIES, endless, path, shown_by_both, whitted};
 use crate::ztest::assert_same;
+use wavepath::report::stability::oracles;
 
 shown_by_both! {
     rectangle_lights_match_lamberts_formula,

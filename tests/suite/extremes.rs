@@ -10,9 +10,9 @@ use wavepath::scene::{
 };
 
 use crate::builder::{SceneBuilder, glowing_room, lambertian, mirror};
-use crate::oracles;
 use crate::renderer::{Renderer, STRATEGIES, STRUCTURES, endless, path, whitted};
 use crate::support::picture;
+use wavepath::report::stability::oracles;
 
 /// Path tracing by every strategy, and Whitted's method, to this many segments.
 fn all_methods(max_depth: u32) -> impl Iterator<Item = RenderSettings> {

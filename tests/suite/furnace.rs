@@ -7,9 +7,9 @@ use wavepath::scene::{
 };
 
 use crate::builder::{glowing_room, lambertian};
-use crate::oracles;
 use crate::renderer::{STRUCTURES, path};
 use crate::support::{image_mean, load, parse, picture};
+use wavepath::report::stability::oracles;
 
 /// A box whose walls have `bsdf` and emit `emission`, seen from inside, with `inside` in it.
 fn room(bsdf: &str, emission: f64, inside: &str) -> String {

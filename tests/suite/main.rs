@@ -7,8 +7,6 @@ mod browser;
 mod builder;
 mod cli;
 mod closed_forms;
-#[path = "../../benches/support/closed_meshes.rs"]
-mod closed_meshes;
 mod converge;
 mod converge_page;
 mod determinism;
@@ -20,7 +18,6 @@ mod hostile;
 #[path = "../../benches/support/mesh_scenes.rs"]
 mod mesh_scenes;
 mod meshes;
-mod oracles;
 mod random_scenes;
 mod reference;
 mod renderer;

@@ -1,48 +1,13 @@
 //! Both renderers behind one call, so that a property is stated once and shown of each.
 
 use wavepath::reference::{RayCounts, Reference};
-use wavepath::scene::{
-    AccelKind, Budget, IntegratorKind, RenderSettings, SceneDescription, Strategy,
+pub(crate) use wavepath::report::stability::renders::{
+    STRATEGIES, STRUCTURES, endless, path, whitted,
 };
+use wavepath::scene::{Budget, RenderSettings, SceneDescription};
 
 use crate::support::{estimate, picture};
 use crate::ztest::ImageEstimate;
-
-pub(crate) const STRATEGIES: [Strategy; 3] = [Strategy::Mis, Strategy::Nee, Strategy::Bsdf];
-pub(crate) const STRUCTURES: [AccelKind; 5] = [
-    AccelKind::Linear,
-    AccelKind::Octree,
-    AccelKind::Bvh2,
-    AccelKind::Bvh8,
-    AccelKind::Packet,
-];
-
-/// Path tracing to any depth, without roulette: for scenes that paths leave.
-pub(crate) fn endless(strategy: Strategy) -> RenderSettings {
-    RenderSettings {
-        strategy,
-        roulette_depth: u32::MAX,
-        seed: 1,
-        threads: 1,
-        ..RenderSettings::default()
-    }
-}
-
-/// Path tracing to this many segments, without roulette.
-pub(crate) fn path(strategy: Strategy, max_depth: u32) -> RenderSettings {
-    RenderSettings {
-        max_depth: Some(max_depth),
-        ..endless(strategy)
-    }
-}
-
-/// Whitted's method to this many segments, without roulette.
-pub(crate) fn whitted(max_depth: u32) -> RenderSettings {
-    RenderSettings {
-        integrator: IntegratorKind::Whitted,
-        ..path(Strategy::Mis, max_depth)
-    }
-}
 
 /// Who makes the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

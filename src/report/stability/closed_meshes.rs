@@ -1,21 +1,21 @@
 //! Closed meshes, and rays from inside of them that look for gaps: aimed at random, exactly at vertices, at
 //! points of edges, and along the axes.
-#![allow(dead_code, reason = "each test and bench uses some of it")]
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
+use crate::accel::{Accel, AccelCounters, HitBatch, RayBatch};
+use crate::error::{Error, Result};
+use crate::geometry::{Geometry, PrimitiveId, Triangle};
+use crate::math::float::flush_denormals;
+use crate::scene::procedural::{ScalableKind, ScalableMesh, torus};
+use crate::scene::{self, Mesh, ShapeGeometry};
 use glam::DVec3;
 use rayon::prelude::*;
-use wavepath::accel::{Accel, AccelCounters, HitBatch, RayBatch};
-use wavepath::geometry::{Geometry, PrimitiveId, Triangle};
-use wavepath::math::float::flush_denormals;
-use wavepath::scene::procedural::{ScalableKind, ScalableMesh, torus};
-use wavepath::scene::{self, Mesh, ShapeGeometry};
 
 /// Rays that are traced together, a multiple of the lane width.
-pub(crate) const BLOCK: usize = 4_096;
+pub const BLOCK: usize = 4_096;
 
 /// How far from every triangle rays start, as a share of the mesh's size: far more than roundings of
 /// coordinates, which might put a start on the other side.
@@ -25,10 +25,11 @@ const CLEARANCE: f64 = 1e-4;
 const MOST_TRIES: usize = 200;
 
 /// SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
-pub(crate) struct Random(pub(crate) u64);
+#[derive(Debug)]
+pub(super) struct Random(pub(super) u64);
 
 impl Random {
-    fn next(&mut self) -> u64 {
+    pub(super) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -36,27 +37,56 @@ impl Random {
     }
 
     /// In [0, 1).
-    fn uniform(&mut self) -> f64 {
+    pub(super) fn uniform(&mut self) -> f64 {
         (self.next() >> 11) as f64 * (f64::EPSILON / 2.0)
     }
 
     /// In 0 .. n.
-    fn below(&mut self, n: usize) -> usize {
+    pub(super) fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.next()) * n as u128) >> 64) as usize
     }
 
     /// One of two values.
-    fn either<T>(&mut self, one: T, other: T) -> T {
+    pub(super) fn either<T>(&mut self, one: T, other: T) -> T {
         if self.below(2) == 0 { one } else { other }
     }
 
     /// A uniformly distributed unit vector.
-    fn direction(&mut self) -> DVec3 {
+    pub(super) fn direction(&mut self) -> DVec3 {
         let z = 1.0 - 2.0 * self.uniform();
         let (sin, cos) = (TAU * self.uniform()).sin_cos();
         let r = (1.0 - z * z).sqrt();
         DVec3::new(r * cos, r * sin, z)
     }
+}
+
+/// Where rays from inside are aimed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Aim {
+    /// Anywhere.
+    Random,
+    /// At a vertex.
+    Vertex,
+    /// At a point of an edge.
+    Edge,
+    /// Along an axis, the other components ±0 or as small as denormals.
+    Axis,
+    /// Along an axis, exactly through a vertex.
+    AxisThroughVertex,
+    /// Across an axis by ±0, on a level with a vertex.
+    LevelWithVertex,
+}
+
+impl Aim {
+    /// Every aim.
+    pub const ALL: [Self; 6] = [
+        Self::Random,
+        Self::Vertex,
+        Self::Edge,
+        Self::Axis,
+        Self::AxisThroughVertex,
+        Self::LevelWithVertex,
+    ];
 }
 
 /// A point inside of a mesh on a line along an axis through one of its vertices, exactly.
@@ -70,55 +100,106 @@ struct Aligned {
 
 /// A closed mesh and points inside of it.
 #[derive(Debug)]
-pub(crate) struct ClosedMesh {
-    pub(crate) name: String,
-    pub(crate) geometry: Geometry,
+pub struct ClosedMesh {
+    /// What it is.
+    pub name: String,
+    /// Its triangles.
+    pub geometry: Geometry,
     inside: Vec<[f32; 3]>,
     aligned: Vec<Aligned>,
 }
 
 impl ClosedMesh {
     /// A sphere by latitude and longitude, its vertices moved inwards at random.
-    pub(crate) fn sphere(rows: u32, points: usize) -> Self {
-        Self::new("sphere", &jittered_sphere(rows, 0.3), points)
+    pub fn sphere(rows: u32, points: usize) -> Self {
+        Self::placed_sphere(rows, 0.3, 1.0, DVec3::ZERO, points)
     }
 
-    pub(crate) fn torus(sides: u32, points: usize) -> Self {
+    /// A sphere by latitude and longitude of this radius about a centre from which the scene is not
+    /// re-centred; its vertices are moved inwards at random by up to this share of the radius.
+    pub fn placed_sphere(
+        rows: u32,
+        jitter: f64,
+        radius: f64,
+        center: DVec3,
+        points: usize,
+    ) -> Self {
+        let mut mesh = jittered_sphere(rows, jitter);
+        for position in &mut mesh.positions {
+            *position = radius * *position + center;
+        }
+        Self::at_place("sphere", &mesh, DVec3::ZERO, points)
+    }
+
+    /// A torus.
+    pub fn torus(sides: u32, points: usize) -> Self {
         Self::new("torus", &torus(1.0, 0.3, 2 * sides, sides), points)
     }
 
-    /// Menger's sponge of up to so many triangles: coplanar neighbours, axis-parallel edges, and
-    /// edges of four faces.
-    pub(crate) fn sponge(triangles: u32, points: usize) -> Self {
-        let mesh = ScalableMesh::new(ScalableKind::Sponge, triangles, 0).expect("not too large");
+    /// Menger's sponge of up to so many triangles, at least 1000: coplanar neighbours, axis-parallel
+    /// edges, and edges of four faces.
+    pub fn sponge(triangles: u32, points: usize) -> Self {
+        let mesh =
+            ScalableMesh::new(ScalableKind::Sponge, triangles, 0).expect("a sponge of this size");
         Self::new("sponge", &mesh.to_mesh(), points)
     }
 
-    /// The mesh in a file of the folder.
-    pub(crate) fn read(folder: &Path, file: &str, points: usize) -> Self {
-        let scene = scene::load(&folder.join(file), &[]).unwrap_or_else(|error| panic!("{error}"));
-        let mesh = scene.shapes.last().map(|shape| &shape.geometry);
-        let Some(ShapeGeometry::Mesh(mesh)) = mesh else {
-            panic!("{file}: no mesh");
+    /// Two fans of needles with their tips at z = ±1 on a common ring of radius 1.
+    pub fn double_cone(needles: u32, points: usize) -> Self {
+        let mut positions = vec![DVec3::Z, -DVec3::Z];
+        let mut faces = Vec::new();
+        for i in 0..needles {
+            let (sin, cos) = (TAU * f64::from(i) / f64::from(needles)).sin_cos();
+            positions.push(DVec3::new(cos, sin, 0.0));
+            let (a, b) = (2 + i, 2 + (i + 1) % needles);
+            faces.extend([[0, a, b], [1, b, a]]);
+        }
+        let mesh = Mesh {
+            positions,
+            faces,
+            ..Mesh::default()
         };
-        Self::new(file, mesh, points)
+        Self::new("double cone", &mesh, points)
     }
 
+    /// The mesh in a file of the folder.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    ///
+    /// # Panics
+    /// If the mesh is not closed.
+    pub fn read(folder: &Path, file: &str, points: usize) -> Result<Self> {
+        let path = folder.join(file);
+        let scene = scene::load(&path, &[])?;
+        let mesh = scene.shapes.last().map(|shape| &shape.geometry);
+        let Some(ShapeGeometry::Mesh(mesh)) = mesh else {
+            return Err(Error::file(&path, "there is no mesh in it"));
+        };
+        Ok(Self::new(file, mesh, points))
+    }
+
+    /// The mesh about the middle of its box.
     fn new(name: &str, mesh: &Mesh, points: usize) -> Self {
-        let (low, high) = mesh
-            .positions
-            .iter()
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
-                (low.min(p), high.max(p))
-            });
-        let middle = 0.5 * (low + high);
+        let (low, high) = extent(mesh);
+        Self::at_place(name, mesh, 0.5 * (low + high), points)
+    }
+
+    /// The mesh less `middle`, rounded to f32; faces that rounding leaves without area are dropped.
+    fn at_place(name: &str, mesh: &Mesh, middle: DVec3, points: usize) -> Self {
+        let (low, high) = extent(mesh);
         let corner = |v: u32| (mesh.positions[v as usize] - middle).as_vec3().to_array();
+        let has_area = |triangle: &Triangle| {
+            let [a, b, c] = triangle.corners.map(position);
+            (b - a).cross(c - a) != DVec3::ZERO
+        };
         let triangles: Vec<Triangle> = mesh
             .faces
             .iter()
             .map(|face| Triangle {
                 corners: face.map(corner),
             })
+            .filter(has_area)
             .collect();
         assert_eq!(open_edges(&triangles), 0, "{name} is not closed");
         let size = (high - low).max_element();
@@ -137,23 +218,24 @@ impl ClosedMesh {
         }
     }
 
-    /// Traces `blocks` times [`BLOCK`] rays; returns how many hit nothing.
-    pub(crate) fn escapes(&self, accel: &dyn Accel, blocks: u64) -> u64 {
+    /// Traces `blocks` times [`BLOCK`] rays aimed in any of these ways, on the threads of the current
+    /// pool; returns how many hit nothing.
+    pub fn escapes(&self, accel: &dyn Accel, aims: &[Aim], blocks: u64) -> u64 {
         (0..blocks)
             .into_par_iter()
             .map(|block| {
                 flush_denormals();
-                self.escapes_of_block(accel, block)
+                self.escapes_of_block(accel, aims, block)
             })
             .sum()
     }
 
-    fn escapes_of_block(&self, accel: &dyn Accel, block: u64) -> u64 {
+    fn escapes_of_block(&self, accel: &dyn Accel, aims: &[Aim], block: u64) -> u64 {
         let mut random = Random(block);
         random.0 = random.next();
         let mut columns = [(); 6].map(|()| vec![0.0; BLOCK]);
         for number in 0..BLOCK {
-            let (origin, direction) = self.ray(&mut random);
+            let (origin, direction) = self.ray(aims[random.below(aims.len())], &mut random);
             let components = origin.into_iter().chain(direction);
             for (column, component) in columns.iter_mut().zip(components) {
                 column[number] = component;
@@ -179,19 +261,19 @@ impl ClosedMesh {
     }
 
     /// A ray from inside.
-    fn ray(&self, random: &mut Random) -> ([f32; 3], [f32; 3]) {
+    fn ray(&self, aim: Aim, random: &mut Random) -> ([f32; 3], [f32; 3]) {
         let zero = |random: &mut Random| random.either(0.0, -0.0);
         let inside = self.inside[random.below(self.inside.len())];
         let triangles = &self.geometry.triangles;
         let [a, b, _] = triangles[random.below(triangles.len())].corners;
-        match random.below(6) {
-            0 => (inside, random.direction().as_vec3().to_array()),
-            1 => (inside, towards(inside, position(a))),
-            2 => {
+        match aim {
+            Aim::Random => (inside, random.direction().as_vec3().to_array()),
+            Aim::Vertex => (inside, towards(inside, position(a))),
+            Aim::Edge => {
                 let target = position(a).lerp(position(b), random.uniform());
                 (inside, towards(inside, target))
             }
-            3 => {
+            Aim::Axis => {
                 // Along an axis; at times with one of the smallest numbers instead of a zero.
                 let axis = random.below(3);
                 let mut direction = [(); 3].map(|()| zero(random));
@@ -201,14 +283,14 @@ impl ClosedMesh {
                 }
                 (inside, direction)
             }
-            4 => {
+            Aim::AxisThroughVertex => {
                 // Straight through a vertex.
                 let Aligned { origin, axis, sign } = self.aligned[random.below(self.aligned.len())];
                 let mut direction = [(); 3].map(|()| zero(random));
                 direction[axis] = sign;
                 (origin, direction)
             }
-            _ => {
+            Aim::LevelWithVertex => {
                 // Within a plane across an axis, on a level with a vertex.
                 let Aligned { origin, axis, .. } = self.aligned[random.below(self.aligned.len())];
                 let across = (axis + 1 + random.below(2)) % 3;
@@ -221,6 +303,13 @@ impl ClosedMesh {
             }
         }
     }
+}
+
+/// Corners of the box of all vertices.
+fn extent(mesh: &Mesh) -> (DVec3, DVec3) {
+    let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let grown = |(low, high): (DVec3, DVec3), &p: &DVec3| (low.min(p), high.max(p));
+    mesh.positions.iter().fold(start, grown)
 }
 
 fn position(p: [f32; 3]) -> DVec3 {
@@ -311,6 +400,14 @@ fn is_clear(triangles: &[Triangle], point: DVec3, clearance: f64) -> bool {
     })
 }
 
+/// Whether a line through the point in this direction crosses the surface an odd number of times ahead, and
+/// so behind.
+fn is_inside(triangles: &[Triangle], point: DVec3, direction: DVec3) -> bool {
+    let crossings = crossings(triangles, point, direction);
+    let ahead = crossings.iter().filter(|&&t| t > 0.0).count();
+    crossings.len().is_multiple_of(2) && ahead % 2 == 1
+}
+
 /// Up to `count` points inside: each between an odd crossing of a random line and the next.
 fn points_inside(
     triangles: &[Triangle],
@@ -335,7 +432,10 @@ fn points_inside(
         let along = random.uniform();
         let t = crossings[first] + along * (crossings[first + 1] - crossings[first]);
         let point = (origin + t * direction).as_vec3().to_array();
-        if is_clear(triangles, position(point), CLEARANCE * size) {
+        let rounded = position(point);
+        if is_clear(triangles, rounded, CLEARANCE * size)
+            && is_inside(triangles, rounded, direction)
+        {
             points.push(point);
         }
     }
@@ -360,12 +460,7 @@ fn points_aligned(
         let distance = size * 10f64.powf(-3.0 * random.uniform());
         origin[axis] -= sign * distance as f32;
         let (point, direction) = (position(origin), random.direction());
-        let is_inside = || {
-            let crossings = crossings(triangles, point, direction);
-            let ahead = crossings.iter().filter(|&&t| t > 0.0).count();
-            crossings.len().is_multiple_of(2) && ahead % 2 == 1
-        };
-        if is_clear(triangles, point, CLEARANCE * size) && is_inside() {
+        if is_clear(triangles, point, CLEARANCE * size) && is_inside(triangles, point, direction) {
             points.push(Aligned { origin, axis, sign });
         }
     }

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 /// Irradiance at `point` with unit `normal` from a uniform polygon of radiance 1 that emits towards
 /// it, corners in order (Lambert 1760; Baum et al. 1989). What is below the horizon is cut off.
-pub(crate) fn polygon_irradiance(point: DVec3, normal: DVec3, corners: &[DVec3]) -> f64 {
+pub fn polygon_irradiance(point: DVec3, normal: DVec3, corners: &[DVec3]) -> f64 {
     let height = |corner: DVec3| (corner - point).dot(normal);
     let edges = |corners: &[DVec3]| -> Vec<[DVec3; 2]> {
         (0..corners.len())
@@ -41,7 +41,7 @@ pub(crate) fn polygon_irradiance(point: DVec3, normal: DVec3, corners: &[DVec3])
 
 /// Irradiance from a sphere of radiance 1 whose centre is at this distance in a direction with this
 /// cosine to the normal. Also where the horizon cuts the sphere (Snyder 1996).
-pub(crate) fn sphere_irradiance(distance: f64, radius: f64, cos: f64) -> f64 {
+pub fn sphere_irradiance(distance: f64, radius: f64, cos: f64) -> f64 {
     let sin_size = radius / distance;
     let cos_size = (1.0 - sin_size * sin_size).sqrt();
     let sin = (1.0 - cos * cos).sqrt();
@@ -58,30 +58,30 @@ pub(crate) fn sphere_irradiance(distance: f64, radius: f64, cos: f64) -> f64 {
 
 /// Radiance everywhere in a closed room of any shape whose walls emit 1 and have this albedo,
 /// after so many bounces.
-pub(crate) fn furnace(albedo: f64, bounces: u32) -> f64 {
+pub fn furnace(albedo: f64, bounces: u32) -> f64 {
     (0..=bounces).map(|k| albedo.powi(k as i32)).sum()
 }
 
 /// Radiance of the k-th bounce, k ≥ 1, at every point of a Lambertian sphere from which a plane
 /// cuts a black cap of this share of the area that emits 1.
-pub(crate) fn integrating_sphere_bounce(cap_share: f64, albedo: f64, k: u32) -> f64 {
+pub fn integrating_sphere_bounce(cap_share: f64, albedo: f64, k: u32) -> f64 {
     cap_share * albedo * (albedo * (1.0 - cap_share)).powi(k as i32 - 1)
 }
 
 /// Irradiance of the k-th bounce, k ≥ 1, at every point inside a Lambertian sphere with a point
 /// light of intensity 1 anywhere in it.
-pub(crate) fn point_in_sphere_bounce(radius: f64, albedo: f64, k: u32) -> f64 {
+pub fn point_in_sphere_bounce(radius: f64, albedo: f64, k: u32) -> f64 {
     albedo.powi(k as i32) / (radius * radius)
 }
 
 /// Irradiance on the inside of a Lambertian sphere around a concentric black one of radiance 1.
-pub(crate) fn concentric_spheres_irradiance(inner: f64, outer: f64, albedo: f64) -> f64 {
+pub fn concentric_spheres_irradiance(inner: f64, outer: f64, albedo: f64) -> f64 {
     let share = (inner / outer).powi(2);
     PI * share / (1.0 - albedo * (1.0 - share))
 }
 
 /// Directional albedo of the Oren–Nayar A/B model with facets of albedo 1.
-pub(crate) fn oren_nayar_albedo(sigma: f64, theta: f64) -> f64 {
+pub fn oren_nayar_albedo(sigma: f64, theta: f64) -> f64 {
     let (a, b) = if sigma.is_infinite() {
         (0.5, 0.45)
     } else {
@@ -94,7 +94,7 @@ pub(crate) fn oren_nayar_albedo(sigma: f64, theta: f64) -> f64 {
 }
 
 /// Reflectance of unpolarised light at a smooth boundary; `eta` is n_t/n_i.
-pub(crate) fn fresnel(eta: f64, cos_i: f64) -> f64 {
+pub fn fresnel(eta: f64, cos_i: f64) -> f64 {
     let sin2_t = (1.0 - cos_i * cos_i) / (eta * eta);
     if sin2_t >= 1.0 {
         return 1.0;
@@ -107,97 +107,102 @@ pub(crate) fn fresnel(eta: f64, cos_i: f64) -> f64 {
 
 /// Share of the light that a clear plate lets through, all inner reflections included, where each
 /// of its faces reflects this share.
-pub(crate) fn slab_transmittance(face: f64) -> f64 {
+pub fn slab_transmittance(face: f64) -> f64 {
     (1.0 - face) / (1.0 + face)
 }
 
 /// Reflections between the mirrors z = 0 and z = `gap` of a ray that starts at height `z` and
 /// climbs by `slope` per metre, on its way to the end wall at this distance.
-pub(crate) fn mirror_hall_bounces(z: f64, slope: f64, distance: f64, gap: f64) -> i32 {
+pub fn mirror_hall_bounces(z: f64, slope: f64, distance: f64, gap: f64) -> i32 {
     ((z + slope * distance) / gap).floor().abs() as i32
 }
 
-fn close(value: f64, expected: f64, tolerance: f64) {
-    assert!(
-        (value - expected).abs() <= tolerance,
-        "{value} is not {expected}"
-    );
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-#[test]
-fn polygon_irradiance_matches_the_corner_and_wall_formulas() {
-    let square = |x: f64, y: f64, a: f64, h: f64| {
-        [[x, y], [x + a, y], [x + a, y + a], [x, y + a]].map(|[x, y]| DVec3::new(x, y, h))
-    };
-    let on_floor = |corners: &[DVec3]| polygon_irradiance(DVec3::ZERO, DVec3::Z, corners);
-    close(on_floor(&square(0.0, 0.0, 1.0, 1.0)), 0.435209875684, 1e-12);
-    close(
-        on_floor(&square(-0.5, -0.5, 1.0, 1.0)),
-        0.752274688454,
-        1e-12,
-    );
-    close(
-        on_floor(&square(-0.5, -0.5, 1.0, 0.01)),
-        3.140564683433,
-        1e-12,
-    );
-    // A wall that also reaches 1 m below the floor counts as if it ended there.
-    let wall = |low: f64| {
-        [[0.0, low], [1.0, low], [1.0, 1.0], [0.0, 1.0]].map(|[y, z]| DVec3::new(1.0, y, z))
-    };
-    close(on_floor(&wall(0.0)), 0.175094143857, 1e-12);
-    close(on_floor(&wall(-1.0)), 0.175094143857, 1e-12);
-    close(on_floor(&square(0.0, 0.0, 1.0, -1.0)), 0.0, 0.0);
-}
-
-#[test]
-fn sphere_irradiance_matches_quadrature_and_is_continuous_at_the_horizon() {
-    close(sphere_irradiance(2.0, 1.0, 0.0), 0.090586073706, 1e-12);
-    close(sphere_irradiance(2.0, 1.0, -0.3), 0.011672369894608, 1e-12);
-    close(sphere_irradiance(1.05, 1.0, 0.3), 1.424717343, 1e-9);
-    for cos in [-0.5, 0.5] {
-        let [below, above] = [-1e-9, 1e-9].map(|d| sphere_irradiance(2.0, 1.0, cos + d));
-        close(below, above, 1e-8);
-    }
-}
-
-#[test]
-fn oren_nayar_albedo_matches_its_table() {
-    for (sigma, degrees, expected) in [
-        (0.0, 60f64, 1.0),
-        (0.3, 0.0, 0.892857),
-        (0.5, 45.0, 0.851128),
-        (0.7, 85.0, 0.880082),
-        (f64::INFINITY, 90.0, 0.725),
-    ] {
-        close(
-            oren_nayar_albedo(sigma, degrees.to_radians()),
-            expected,
-            5e-7,
+    fn close(value: f64, expected: f64, tolerance: f64) {
+        assert!(
+            (value - expected).abs() <= tolerance,
+            "{value} is not {expected}"
         );
     }
-}
 
-#[test]
-fn series_match_their_limits() {
-    close(furnace(0.5, 60), 2.0, 1e-15);
-    close(furnace(1.0, 3), 4.0, 0.0);
-    let cap: f64 = (1..300)
-        .map(|k| integrating_sphere_bounce(0.2, 0.8, k))
-        .sum();
-    close(cap, 0.2 * 0.8 / (1.0 - 0.8 * 0.8), 1e-14);
-    close(slab_transmittance(fresnel(1.5, 1.0)), 0.923077, 5e-7);
-    close(
-        slab_transmittance(fresnel(1.5, 80f64.to_radians().cos())),
-        0.441229,
-        5e-7,
-    );
-    close(
-        concentric_spheres_irradiance(0.5, 1.0, 0.7) * 2.0,
-        3.306940,
-        5e-7,
-    );
-    assert_eq!(mirror_hall_bounces(0.5, 0.4, 1.0, 1.0), 0);
-    assert_eq!(mirror_hall_bounces(0.5, 0.6, 1.0, 1.0), 1);
-    assert_eq!(mirror_hall_bounces(0.5, -0.6, 1.0, 1.0), 1);
+    #[test]
+    fn polygon_irradiance_matches_the_corner_and_wall_formulas() {
+        let square = |x: f64, y: f64, a: f64, h: f64| {
+            [[x, y], [x + a, y], [x + a, y + a], [x, y + a]].map(|[x, y]| DVec3::new(x, y, h))
+        };
+        let on_floor = |corners: &[DVec3]| polygon_irradiance(DVec3::ZERO, DVec3::Z, corners);
+        close(on_floor(&square(0.0, 0.0, 1.0, 1.0)), 0.435209875684, 1e-12);
+        close(
+            on_floor(&square(-0.5, -0.5, 1.0, 1.0)),
+            0.752274688454,
+            1e-12,
+        );
+        close(
+            on_floor(&square(-0.5, -0.5, 1.0, 0.01)),
+            3.140564683433,
+            1e-12,
+        );
+        // A wall that also reaches 1 m below the floor counts as if it ended there.
+        let wall = |low: f64| {
+            [[0.0, low], [1.0, low], [1.0, 1.0], [0.0, 1.0]].map(|[y, z]| DVec3::new(1.0, y, z))
+        };
+        close(on_floor(&wall(0.0)), 0.175094143857, 1e-12);
+        close(on_floor(&wall(-1.0)), 0.175094143857, 1e-12);
+        close(on_floor(&square(0.0, 0.0, 1.0, -1.0)), 0.0, 0.0);
+    }
+
+    #[test]
+    fn sphere_irradiance_matches_quadrature_and_is_continuous_at_the_horizon() {
+        close(sphere_irradiance(2.0, 1.0, 0.0), 0.090586073706, 1e-12);
+        close(sphere_irradiance(2.0, 1.0, -0.3), 0.011672369894608, 1e-12);
+        close(sphere_irradiance(1.05, 1.0, 0.3), 1.424717343, 1e-9);
+        for cos in [-0.5, 0.5] {
+            let [below, above] = [-1e-9, 1e-9].map(|d| sphere_irradiance(2.0, 1.0, cos + d));
+            close(below, above, 1e-8);
+        }
+    }
+
+    #[test]
+    fn oren_nayar_albedo_matches_its_table() {
+        for (sigma, degrees, expected) in [
+            (0.0, 60f64, 1.0),
+            (0.3, 0.0, 0.892857),
+            (0.5, 45.0, 0.851128),
+            (0.7, 85.0, 0.880082),
+            (f64::INFINITY, 90.0, 0.725),
+        ] {
+            close(
+                oren_nayar_albedo(sigma, degrees.to_radians()),
+                expected,
+                5e-7,
+            );
+        }
+    }
+
+    #[test]
+    fn series_match_their_limits() {
+        close(furnace(0.5, 60), 2.0, 1e-15);
+        close(furnace(1.0, 3), 4.0, 0.0);
+        let cap: f64 = (1..300)
+            .map(|k| integrating_sphere_bounce(0.2, 0.8, k))
+            .sum();
+        close(cap, 0.2 * 0.8 / (1.0 - 0.8 * 0.8), 1e-14);
+        close(slab_transmittance(fresnel(1.5, 1.0)), 0.923077, 5e-7);
+        close(
+            slab_transmittance(fresnel(1.5, 80f64.to_radians().cos())),
+            0.441229,
+            5e-7,
+        );
+        close(
+            concentric_spheres_irradiance(0.5, 1.0, 0.7) * 2.0,
+            3.306940,
+            5e-7,
+        );
+        assert_eq!(mirror_hall_bounces(0.5, 0.4, 1.0, 1.0), 0);
+        assert_eq!(mirror_hall_bounces(0.5, 0.6, 1.0, 1.0), 1);
+        assert_eq!(mirror_hall_bounces(0.5, -0.6, 1.0, 1.0), 1);
+    }
 }
