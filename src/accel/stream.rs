@@ -401,7 +401,7 @@ impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTAN
     }
 
     /// Lets these rays descend together if they can; whether they did.
-    #[inline(always)]
+    #[inline(never)]
     fn descend(&mut self, rays: Rays) -> bool {
         let group = &mut self.scratch.group;
         let Some(axis) = group.common_axis(rays) else {

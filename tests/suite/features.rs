@@ -176,7 +176,11 @@ fn settings_bring_their_features_and_no_more() {
     assert_eq!(features(endless(Strategy::Mis)), with(&mis));
     assert_eq!(
         features(whitted(9)),
-        with(&["shadow rays", "Whitted's transport"])
+        with(&[
+            "shadow rays",
+            "Whitted's transport",
+            "rays through pixel centres"
+        ])
     );
     let stratified = RenderSettings {
         sampler: SamplerKind::Stratified,

@@ -202,8 +202,9 @@ pub(super) fn depths(trial: &mut Trial<'_>) -> Result<()> {
     let mut random = Random(27);
     let unit = [DVec3::ZERO, DVec3::Y, DVec3::Z];
     // The scan's own test squares lengths, and so sees nothing that is smaller than 10⁻¹⁹; the deeper of
-    // the two is for trees alone.
-    for most in [800, 2_000] {
+    // the two is for trees alone. It ends where differences of coordinates (multiples of 2⁻²⁴ of them) would be
+    // denormal, which are flushed to zero: below x = 2⁻¹⁰².
+    for most in [800, 1_600] {
         let halving = geometry((0..most).map(|k| {
             let x = 2f64.powf(-f64::from(k) / 16.0);
             unit.map(|p| p * 0.01 * x + DVec3::X * x)
