@@ -477,12 +477,13 @@ impl Cone {
     fn meets(&self, rows: &[[&[f32]; 3]; 3], valid: Mask) -> Mask {
         let mut above = [F32s::splat(f32::NEG_INFINITY); 2];
         let mut below = [F32s::splat(f32::INFINITY); 2];
-        for corner in 0..3 {
+        let [rows_x, rows_y, rows_z] = rows;
+        for ((x, y), z) in rows_x.iter().zip(rows_y).zip(rows_z) {
             let offset =
-                |k: usize| load_first(rows[k][corner], 0, valid) - F32s::splat(self.origin[k]);
-            let z = offset(2);
-            for k in 0..2 {
-                let across = offset(k) - F32s::splat(self.shear[k]) * z;
+                |row: &[f32], k: usize| load_first(row, 0, valid) - F32s::splat(self.origin[k]);
+            let z = offset(z, 2);
+            for (k, row) in [x, y].into_iter().enumerate() {
+                let across = offset(row, k) - F32s::splat(self.shear[k]) * z;
                 let radius = z
                     .abs()
                     .mul_add(F32s::splat(self.slope[k]), F32s::splat(self.least[k]));
@@ -574,5 +575,71 @@ pub(super) fn descend<const OCTANT: usize, const SPHERES: bool, Q: Query>(
         }
         size -= 1;
         at = scratch.aside[size];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::testing::Rng;
+    use crate::math::lanes::iota;
+
+    /// Rays from about one point in about one direction, in all lanes of the first vector.
+    fn group(rng: &mut Rng, spread: f32) -> Group {
+        let mut around = |middle: [f32; 3], spread: f32| {
+            let lane = |_| middle.map(|x| x + spread * (rng.uniform() - 0.5));
+            let lanes: [[f32; 3]; LANES] = std::array::from_fn(lane);
+            [0, 1, 2].map(|k| F32s::from(lanes.map(|lane| lane[k])))
+        };
+        let middle = around([0.0; 3], 10.0).map(|x| x.as_array()[0]);
+        let forward = around([0.0, 0.0, 1.0], 1.0).map(|x| x.as_array()[0]);
+        let rays = [around(middle, spread), around(forward, spread)];
+        let mut group = Group::EMPTY;
+        let none = U32s::splat(PrimitiveId::NONE);
+        group.set(0, iota(), rays, none, (F32s::splat(f32::INFINITY), none));
+        group.shear([0, 1, 2]);
+        group
+    }
+
+    #[test]
+    fn a_triangle_that_some_ray_meets_is_never_left_out_and_most_others_are() {
+        let mut rng = Rng(7);
+        let (mut met, mut left_out) = (0, 0);
+        for round in 0..20_000 {
+            let spread = [0.0, 1e-6, 1e-3, 0.1][round % 4];
+            let group = group(&mut rng, spread);
+            let bundle = Bundle::new(&group, 2, rays_of(0));
+            let ray = round % LANES;
+            let [origin, direction] = [&group.origin, &group.direction]
+                .map(|columns| columns.each_ref().map(|column| group.at(column, ray)));
+            // About a point of a ray, which lies on an edge or a corner at times.
+            let triangles: [[[f32; 3]; 3]; LANES] = std::array::from_fn(|_| {
+                let t = 20.0 * rng.uniform();
+                let size = [1e-4, 1e-2, 1.0][round % 3];
+                let mut corner = || {
+                    [0, 1, 2]
+                        .map(|k| origin[k] + t * direction[k] + size * 3.0 * (rng.uniform() - 0.5))
+                };
+                let [a, b, c] = [corner(), corner(), corner()];
+                let on_ray = [0, 1, 2].map(|k| origin[k] + t * direction[k]);
+                match round % 5 {
+                    0 => [on_ray, b, c],
+                    1 => [b, [0, 1, 2].map(|k| 2.0 * on_ray[k] - b[k]), c],
+                    _ => [a, b, c],
+                }
+            });
+            let rows = [0, 1, 2].map(|k| [0, 1, 2].map(|i| triangles.map(|t| t[i][k])));
+            let slices = rows.each_ref().map(|r| r.each_ref().map(|row| &row[..]));
+            let kept = bundle.cone.meets(&slices, Mask::ALL);
+            for index in 0..LANES {
+                let corners = rows.map(|rows| rows.map(|row| row[index]));
+                let (hits, _) = group.sheared[0].intersect(&corners, Mask::ALL);
+                assert!(kept.test(index) || hits.none(), "round {round}");
+                met += usize::from(hits.any());
+                left_out += usize::from(!kept.test(index));
+            }
+        }
+        assert!(met > 50_000, "{met} are too few");
+        assert!(left_out > 40_000, "{left_out} are too few");
     }
 }

@@ -117,8 +117,9 @@ fn place(nodes: &mut Vec<Node>, node: usize, part: &[Node]) {
         }
         node
     };
-    nodes[node] = moved(part[0]);
-    nodes.extend(part[1..].iter().copied().map(moved));
+    let mut moved = part.iter().copied().map(moved);
+    nodes[node] = moved.next().expect("a subtree has a node");
+    nodes.extend(moved);
 }
 
 /// The same tree with nodes level by level and exact boxes.

@@ -161,7 +161,7 @@ pub enum Schedule {
         block: u64,
     },
     /// More blocks for some tiles than for others.
-    Adaptive(Adaptive),
+    Adaptive(Box<Adaptive>),
 }
 
 impl Schedule {
@@ -171,7 +171,7 @@ impl Schedule {
     /// If the settings ask for an adaptive render of too few samples.
     pub fn new(settings: &RenderSettings, tiles: Tiles) -> Result<Self> {
         Ok(if settings.adaptive {
-            Self::Adaptive(Adaptive::new(settings, tiles)?)
+            Self::Adaptive(Box::new(Adaptive::new(settings, tiles)?))
         } else {
             Self::Uniform {
                 blocks: Blocks::new(settings),

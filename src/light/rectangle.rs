@@ -122,9 +122,9 @@ impl SphericalRectangle {
             solid_angle: zero,
         };
         if within.any() {
-            let before = view.from_foot(-x.from);
+            let before = view.beyond_foot(-x.from);
             view.before = within.select(before, zero);
-            view.solid_angle = before + view.from_foot(x.to());
+            view.solid_angle = before + view.beyond_foot(x.to());
         }
         if within != Mask::ALL {
             view.solid_angle = within.select(view.solid_angle, view.solid_angle_beside());
@@ -140,7 +140,7 @@ impl SphericalRectangle {
 
     /// G(x): the solid angle between the line through the foot and the line `x` > 0.
     #[inline(always)]
-    fn from_foot(&self, x: F32s) -> F32s {
+    fn beyond_foot(&self, x: F32s) -> F32s {
         let z2 = self.z * self.z;
         let line = Line::new(x.mul_add(x, z2), self.y);
         let sine = x * self.z * line.span;

@@ -277,7 +277,8 @@ mod tests {
         let base =
             |pixel, dimension| Sobol::new(1, pixel, 0, U32s::splat(3)).pair(U32s::splat(dimension));
         let one = U32s::splat(1);
-        let others: [(&str, Box<dyn Fn(U32s) -> F32s>); 6] = [
+        type Other<'a> = (&'a str, Box<dyn Fn(U32s) -> F32s + 'a>);
+        let others: [Other<'_>; 6] = [
             ("pixel", Box::new(|p| base(p + one, 2)[0])),
             ("other half", Box::new(|p| base(p, 2)[1])),
             ("pair", Box::new(|p| base(p, 4)[0])),

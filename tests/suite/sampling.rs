@@ -33,6 +33,10 @@ fn settings(scene: &SceneDescription, budget: Budget) -> RenderSettings {
 }
 
 #[test]
+#[expect(
+    clippy::print_stdout,
+    reason = "how often, for those who ask with --nocapture"
+)]
 fn error_goals_are_met_and_the_interval_holds_the_true_error_in_most_of_100_renders() {
     let scene = load("cornell.toml");
     let size = [8, 8];

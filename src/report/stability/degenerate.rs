@@ -363,7 +363,7 @@ pub(super) fn duplicates(trial: &mut Trial<'_>) -> Result<()> {
                 // The best of two, and of a millisecond at least: short times are noise.
                 let ordinary = time(&distinct)?.min(time(&distinct)?).max(1e-3);
                 let figure = time(geometry)?.min(time(geometry)?) / ordinary;
-                Ok(Figure::time_ratio(figure, 10.0, count as u64))
+                Ok(Figure::time_ratio(figure, 10.0, count))
             })?;
         }
         trial.on_structures(

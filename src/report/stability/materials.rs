@@ -403,7 +403,7 @@ pub(super) fn reciprocity(trial: &mut Trial<'_>) -> Result<()> {
     let mut somewhere = || {
         direction(
             10f64.powf(-4.0 * random.next().powi(3)),
-            6.28 * random.next(),
+            std::f64::consts::TAU * random.next(),
         )
     };
     let pairs: Vec<[[f64; 3]; 2]> = (0..count).map(|_| [somewhere(), somewhere()]).collect();
@@ -484,7 +484,7 @@ pub(super) fn frames(trial: &mut Trial<'_>) -> Result<()> {
                 let tilt = 10f64.powf(-8.0 + 7.0 * random.next());
                 -(1.0 - tilt * tilt).max(0.0).sqrt()
             };
-            direction(z, 6.28 * random.next())
+            direction(z, std::f64::consts::TAU * random.next())
         });
         let n = Vec3s::from_lanes(&normals);
         let frame = Frame::from_normal(n);

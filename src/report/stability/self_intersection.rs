@@ -63,11 +63,14 @@ fn normal(triangle: &Triangle) -> DVec3 {
     (b - a).cross(c - a).normalize()
 }
 
+/// A ray (origin and direction), the triangle that it hits, and the direction in which it goes on.
+type Departure = ([[f32; 3]; 2], u32, DVec3);
+
 /// Origins of rays that go on along `out` from where rays that hit `id` did, by the renderer's lane code.
-fn spawn(geometry: &Geometry, hits: &[([[f32; 3]; 2], u32, DVec3)]) -> Vec<[f32; 3]> {
+fn spawn(geometry: &Geometry, hits: &[Departure]) -> Vec<[f32; 3]> {
     hits.chunks(LANES)
         .flat_map(|group| {
-            let lanes = |value: &dyn Fn(&([[f32; 3]; 2], u32, DVec3)) -> DVec3| {
+            let lanes = |value: &dyn Fn(&Departure) -> DVec3| {
                 let values: [[f64; 3]; LANES] =
                     std::array::from_fn(|i| value(&group[i.min(group.len() - 1)]).to_array());
                 Vec3s::from_lanes(&values)
