@@ -17,7 +17,7 @@ program=target/release/wavepath
 
 cargo build --release --features embree --quiet
 mkdir -p "$directory"
-printf '%-15s %s  %-9s %8s %-7s %8s %-24s %6s\n' scene t rays ours by Embree by ratio >"$directory/summary.txt"
+printf '%-15s %s  %-9s %8s %-11s %8s %-24s %6s\n' scene t rays ours by Embree by ratio >"$directory/summary.txt"
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 "$program" mesh hairball --triangles 3000000 -o "$scratch/hairball.obj" --quiet
@@ -32,7 +32,7 @@ scenes=(
     "star-destroyer $WAVEPATH_MESHES/large/lego-10030-star-destroyer.obj.zst"
     "terrain $scratch/terrain.obj"
 )
-ours=bvh8,packet,octree
+ours=bvh8,packet,bvh8-best,packet-best,octree
 theirs=embree-medium,embree-medium-packet,embree-medium-coherent,embree-high,embree-high-packet,embree-high-coherent
 for count in "${threads[@]}"; do
     for scene in "${scenes[@]}"; do
@@ -51,7 +51,7 @@ for count in "${threads[@]}"; do
                 for (i = 1; i <= 4; i++) {
                     kind = kinds[i]
                     if (theirs[kind] > 0)
-                        printf "%-15s %d  %-9s %8.2f %-7s %8.2f %-24s %6.2f\n", scene, threads, kind,
+                        printf "%-15s %d  %-9s %8.2f %-11s %8.2f %-24s %6.2f\n", scene, threads, kind,
                             ours[kind], own[kind], theirs[kind], who[kind], ours[kind] / theirs[kind]
                 }
             }' "$directory/$name-$count.txt" | tee -a "$directory/summary.txt"

@@ -252,9 +252,9 @@ pub(super) struct AccelsArgs {
     /// Scene file (TOML), or a mesh (.obj, .obj.gz, .obj.zst), which gets a camera, a sky and a sun
     pub(super) scene: PathBuf,
 
-    /// Structures, separated by commas: linear, octree, bvh2, bvh8, packet; obvhs-bvh2 and obvhs-cwbvh, with their own
-    /// traversals; embree-{medium,high,robust}, by single rays or with -packet or -coherent
-    /// by packets; embree for all of those [default: all]
+    /// Structures, separated by commas: linear, octree, bvh2, bvh8, packet; bvh8-best and packet-best, built at
+    /// best quality; obvhs-bvh2 and obvhs-cwbvh, with their own traversals; embree-{medium,high,robust}, by
+    /// single rays or with -packet or -coherent by packets; embree for all of those [default: all]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(super) structures: Vec<String>,
 

@@ -16,8 +16,10 @@ const ALL_EMBREE: &str = "embree";
 /// A structure that can take part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Contestant {
-    /// One of this program's.
+    /// One of this program's, built at the quality of the run.
     Own(Structure),
+    /// The 8-wide tree built at best quality, whatever that of the run.
+    Best(Structure),
     /// [`ObvhsBvh2`].
     ObvhsBvh2,
     /// [`ObvhsCwBvh`].
@@ -29,7 +31,8 @@ pub enum Contestant {
 impl Contestant {
     /// Every contestant, this program's first.
     pub fn all() -> impl Iterator<Item = Self> {
-        let own = Structure::ALL.into_iter().map(Self::Own);
+        let best = [Structure::Bvh8, Structure::Packet].map(Self::Best);
+        let own = Structure::ALL.into_iter().map(Self::Own).chain(best);
         let embree = EMBREE.into_iter();
         own.chain([Self::ObvhsBvh2, Self::ObvhsCwBvh])
             .chain(embree.map(|(build, calls)| Self::Embree(build, calls)))
@@ -39,6 +42,8 @@ impl Contestant {
     pub fn name(self) -> &'static str {
         match self {
             Self::Own(structure) => structure.name(),
+            Self::Best(Structure::Packet) => "packet-best",
+            Self::Best(_) => "bvh8-best",
             Self::ObvhsBvh2 => "obvhs-bvh2",
             Self::ObvhsCwBvh => "obvhs-cwbvh",
             Self::Embree(build, calls) => embree_name(build, calls),
@@ -47,7 +52,7 @@ impl Contestant {
 
     /// Whether it is one of this program's.
     pub fn is_own(self) -> bool {
-        matches!(self, Self::Own(_))
+        matches!(self, Self::Own(_) | Self::Best(_))
     }
 
     /// Whether it tests every primitive for every ray, and so has time for few rays of a large scene.
@@ -148,16 +153,8 @@ impl<'a> Builder<'a> {
             ));
         }
         let (accel, figures): (Box<dyn Accel>, _) = match contestant {
-            Contestant::Own(structure) => {
-                let quality = self.quality;
-                self.measure(|| {
-                    let options = BuildOptions {
-                        quality,
-                        ..BuildOptions::default()
-                    };
-                    accel::build_with(structure, geometry, &options)
-                })?
-            }
+            Contestant::Own(structure) => self.own(structure, self.quality)?,
+            Contestant::Best(structure) => self.own(structure, BuildQuality::Best)?,
             Contestant::ObvhsBvh2 => {
                 self.measure(|| Ok(Box::new(ObvhsBvh2::new(geometry)?) as _))?
             }
@@ -170,6 +167,20 @@ impl<'a> Builder<'a> {
             contestant,
             accel,
             figures,
+        })
+    }
+
+    fn own(
+        &self,
+        structure: Structure,
+        quality: BuildQuality,
+    ) -> Result<(Box<dyn Accel>, BuildFigures)> {
+        self.measure(|| {
+            let options = BuildOptions {
+                quality,
+                ..BuildOptions::default()
+            };
+            accel::build_with(structure, self.geometry, &options)
         })
     }
 
