@@ -204,7 +204,14 @@ pub fn compile_with_progress(
             scene_radius,
         }));
     }
-    let lights = LightTable::new(&tables.lights)?;
+    // With MIS the variance next to a rectangle is finite either way.
+    let combined =
+        settings.strategy == Strategy::Mis && settings.integrator != IntegratorKind::Whitted;
+    let lights = if combined {
+        LightTable::by_area(&tables.lights)?
+    } else {
+        LightTable::new(&tables.lights)?
+    };
     tables.surfaces.light = tables.light.iter().copied().collect();
     tables.surfaces.class = tables.class.iter().copied().collect();
     let features = features(&tables, &lights, settings);

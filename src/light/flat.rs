@@ -53,20 +53,28 @@ fn sides(light: &FlatLight) -> [f64; 2] {
 
 /// The columns' entries.
 pub(super) fn row(light: &FlatLight) -> Row {
+    let sides = sides(light);
+    Row {
+        // A light without area has no power and is never chosen.
+        density: if sides[0] > 0.0 && area(light) > 0.0 {
+            1.0
+        } else {
+            row_by_area(light).density
+        },
+        sides: sides.map(|side| side as f32),
+        ..row_by_area(light)
+    }
+}
+
+/// As [`row`], of a light that is sampled by area.
+pub(super) fn row_by_area(light: &FlatLight) -> Row {
     let normal = area_vector(light);
     let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
     let area = area(light);
-    let sides = sides(light);
     Row {
         radiance: light.radiance,
         two_sided: light.two_sided,
-        // A light without area has no power and is never chosen.
-        density: match area > 0.0 {
-            true if sides[0] > 0.0 => 1.0,
-            true => 1.0 / area,
-            false => 0.0,
-        },
-        sides: sides.map(|side| side as f32),
+        density: if area > 0.0 { 1.0 / area } else { 0.0 },
         position: light.corner,
         edges: light.edges,
         normal: if length > 0.0 {

@@ -98,11 +98,13 @@ pub(super) fn far_spheres(trial: &mut Trial<'_>) -> Result<()> {
             }
         });
         let label = format!("distance {ratio:e} radii");
-        // In f32; the last is what the best known formulas reach at 10⁵ radii.
+        // In f32; the third is what the best known formulas reach at 10⁵ radii, the last as much by
+        // the growth with distance, which they all show.
         let tolerance = match ratio {
             r if r <= 1e3 => 0.0,
             r if r <= 1e4 => 2e-4,
-            _ => 1.5e-3,
+            r if r <= 1e5 => 1.5e-3,
+            _ => 1.5e-2,
         };
         trial.note(
             &*label,
