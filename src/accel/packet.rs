@@ -65,7 +65,7 @@ pub(super) type Column = [F32s; VECTORS];
 pub(super) type ColumnU32 = [U32s; VECTORS];
 
 /// Up to [`GROUP`] rays of one octant, and their answers.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Default)]
 pub(super) struct Group {
     pub(super) origin: [Column; 3],
     /// Of rays that descend.
@@ -88,20 +88,6 @@ pub(super) struct Group {
 }
 
 impl Group {
-    const EMPTY: Self = Self {
-        origin: [[F32s::ZERO; VECTORS]; 3],
-        sheared: [ShearRays::ZERO; VECTORS],
-        direction: [[F32s::ZERO; VECTORS]; 3],
-        reciprocal: [[F32s::ZERO; VECTORS]; 3],
-        largest: [U32s::ZERO; VECTORS],
-        shear: [[F32s::ZERO; VECTORS]; 3],
-        skip: [U32s::ZERO; VECTORS],
-        target: [U32s::ZERO; VECTORS],
-        t: [F32s::ZERO; VECTORS],
-        primitive: [U32s::ZERO; VECTORS],
-        ray: [U32s::ZERO; VECTORS],
-    };
-
     /// Sets the rays of a vector of lanes, of which no primitive is hit yet.
     #[inline(always)]
     pub(super) fn set(
@@ -283,12 +269,6 @@ impl Group {
         self.t[vector] = taken.select(t, end);
         self.primitive[vector] = taken.select_u32(id, primitive);
         taken
-    }
-}
-
-impl Default for Group {
-    fn default() -> Self {
-        Self::EMPTY
     }
 }
 
@@ -595,7 +575,7 @@ mod tests {
         let middle = around([0.0; 3], 10.0).map(|x| x.as_array()[0]);
         let forward = around([0.0, 0.0, 1.0], 1.0).map(|x| x.as_array()[0]);
         let rays = [around(middle, spread), around(forward, spread)];
-        let mut group = Group::EMPTY;
+        let mut group = Group::default();
         let none = U32s::splat(PrimitiveId::NONE);
         group.set(0, iota(), rays, none, (F32s::splat(f32::INFINITY), none));
         group.shear([0, 1, 2]);

@@ -298,12 +298,10 @@ impl<'a> Builder<'a> {
             }
         }
         partition(references, begin, |reference| {
-            let is_left = grid.cells(center(&reference))[objects.axis] < objects.bin;
-            if is_left {
-                [Some(reference), None]
-            } else {
-                [None, Some(reference)]
-            }
+            whole(
+                reference,
+                grid.cells(center(&reference))[objects.axis] < objects.bin,
+            )
         })
     }
 
@@ -341,18 +339,10 @@ impl<'a> Builder<'a> {
             let bounds = own_box(&reference);
             let triangle = self.triangles.get(reference.first_index as usize);
             let Some(triangle) = triangle else {
-                let is_left = 0.5 * center(&reference)[axis] < place;
-                return if is_left {
-                    [Some(reference), None]
-                } else {
-                    [None, Some(reference)]
-                };
+                return whole(reference, 0.5 * center(&reference)[axis] < place);
             };
-            if bounds.max[axis] <= place {
-                return [Some(reference), None];
-            }
-            if bounds.min[axis] >= place {
-                return [None, Some(reference)];
+            if bounds.max[axis] <= place || bounds.min[axis] >= place {
+                return whole(reference, bounds.max[axis] <= place);
             }
             let with = |side: usize| {
                 let other = 1 - side;
@@ -360,16 +350,12 @@ impl<'a> Builder<'a> {
                     + areas[other] * (counts[other] - 1.0)
             };
             let both = areas[0] * counts[0] + areas[1] * counts[1];
-            let whole = [with(0), with(1)];
-            if whole[0] < both && whole[0] <= whole[1] {
-                return [Some(reference), None];
+            let uncut = [with(0), with(1)];
+            if uncut[0].min(uncut[1]) < both {
+                return whole(reference, uncut[0] <= uncut[1]);
             }
-            if whole[1] < both {
-                return [None, Some(reference)];
-            }
-            let parts = halves(triangle, &bounds, axis, place);
-            match parts {
-                [None, None] => [Some(reference), None],
+            match halves(triangle, &bounds, axis, place) {
+                [None, None] => whole(reference, true),
                 parts => {
                     parts.map(|part| part.map(|part| Node::new(part, 1, reference.first_index)))
                 }
@@ -390,6 +376,15 @@ fn shares(budget: usize, before: usize, counts: [usize; 2]) -> [usize; 2] {
     let budget = budget.saturating_sub(after - before);
     let left = (budget as u128 * counts[0] as u128 / after as u128) as usize;
     [left, budget - left]
+}
+
+/// A reference on one side of a split, as [`partition`] takes it.
+fn whole(reference: Node, is_left: bool) -> [Option<Node>; 2] {
+    if is_left {
+        [Some(reference), None]
+    } else {
+        [None, Some(reference)]
+    }
 }
 
 /// Sorts the references from `begin` on by side, and gives the number on the left. `sides` says what becomes of a

@@ -30,9 +30,7 @@ pub(super) fn run(args: &AccelsArgs) -> Result<Status> {
     }
     let job = SceneJob::new(&SceneArgs {
         scene: args.scene.clone(),
-        camera: args.camera.clone(),
-        width: args.width,
-        height: args.height,
+        view: args.view.clone(),
         set: args.set.clone(),
         ..SceneArgs::default()
     })?;

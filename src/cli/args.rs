@@ -51,17 +51,8 @@ pub(super) struct SceneArgs {
     #[arg(long)]
     pub(super) strict: bool,
 
-    /// Camera, by its name in the scene [default: the scene's first]
-    #[arg(long, value_name = "NAME")]
-    pub(super) camera: Option<String>,
-
-    /// Pixels across [default: the scene's]
-    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
-    pub(super) width: Option<u32>,
-
-    /// Pixels down [default: the scene's]
-    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
-    pub(super) height: Option<u32>,
+    #[command(flatten)]
+    pub(super) view: ViewArgs,
 
     /// Which light transport is computed [default: the scene's, else path]
     #[arg(long, value_name = "KIND")]
@@ -140,6 +131,22 @@ pub(super) struct SceneArgs {
     /// Replace a value of the scene file; may be given several times
     #[arg(long, value_name = "PATH.TO.KEY=VALUE")]
     pub(super) set: Vec<String>,
+}
+
+/// With which camera and how large a scene is looked at.
+#[derive(Debug, Default, Clone, clap::Args)]
+pub(super) struct ViewArgs {
+    /// Camera, by its name in the scene [default: the scene's first]
+    #[arg(long, value_name = "NAME")]
+    pub(super) camera: Option<String>,
+
+    /// Pixels across [default: the scene's]
+    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
+    pub(super) width: Option<u32>,
+
+    /// Pixels down [default: the scene's]
+    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
+    pub(super) height: Option<u32>,
 }
 
 /// `wavepath render`
@@ -292,17 +299,8 @@ pub(super) struct AccelsArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) seed: Option<u64>,
 
-    /// Camera, by its name in the scene [default: the scene's first]
-    #[arg(long, value_name = "NAME")]
-    pub(super) camera: Option<String>,
-
-    /// Pixels across [default: the scene's]
-    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
-    pub(super) width: Option<u32>,
-
-    /// Pixels down [default: the scene's]
-    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
-    pub(super) height: Option<u32>,
+    #[command(flatten)]
+    pub(super) view: ViewArgs,
 
     /// Replace a value of the scene file; may be given several times
     #[arg(long, value_name = "PATH.TO.KEY=VALUE")]
@@ -406,17 +404,8 @@ pub(super) struct ConvergeArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) seed: Option<u64>,
 
-    /// Camera, by its name in the scene [default: the scene's first]
-    #[arg(long, value_name = "NAME")]
-    pub(super) camera: Option<String>,
-
-    /// Pixels across [default: the scene's]
-    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
-    pub(super) width: Option<u32>,
-
-    /// Pixels down [default: the scene's]
-    #[arg(long, value_name = "PIXELS", allow_negative_numbers = true)]
-    pub(super) height: Option<u32>,
+    #[command(flatten)]
+    pub(super) view: ViewArgs,
 
     /// Do not tell what is being done
     #[arg(short, long)]

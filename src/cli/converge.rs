@@ -104,9 +104,7 @@ fn configurations(
     let job = |overrides: &[String]| {
         SceneJob::new(&SceneArgs {
             scene: args.scene.clone(),
-            camera: args.camera.clone(),
-            width: args.width,
-            height: args.height,
+            view: args.view.clone(),
             set: args.set.iter().chain(overrides).cloned().collect(),
             ..SceneArgs::default()
         })

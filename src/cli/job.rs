@@ -58,9 +58,10 @@ impl SceneJob {
         if args.strict {
             check_warnings(&scene)?;
         }
-        scene.film.width = args.width.unwrap_or(scene.film.width);
-        scene.film.height = args.height.unwrap_or(scene.film.height);
+        scene.film.width = args.view.width.unwrap_or(scene.film.width);
+        scene.film.height = args.view.height.unwrap_or(scene.film.height);
         let camera = args
+            .view
             .camera
             .as_ref()
             .map_or(Ok(0), |name| find_camera(&scene, name))?;
@@ -177,8 +178,8 @@ fn load_scene(path: &Path, overrides: &[String]) -> Result<SceneDescription> {
 }
 
 fn check_scene_args(args: &SceneArgs) -> Result<()> {
-    check_range("--width", args.width, 1, MAX_SIDE)?;
-    check_range("--height", args.height, 1, MAX_SIDE)?;
+    check_range("--width", args.view.width, 1, MAX_SIDE)?;
+    check_range("--height", args.view.height, 1, MAX_SIDE)?;
     check_range("--max-depth", args.max_depth, 1, u32::MAX)?;
     check_range("--light-samples", args.light_samples, 1, MOST_LIGHT_SAMPLES)?;
     check_range("--glass-splits", args.glass_splits, 0, MOST_GLASS_SPLITS)?;

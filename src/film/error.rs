@@ -65,13 +65,12 @@ impl Film {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::testing::split_mix_64;
 
-    /// The n-th uniform number in [0, 1) of a fixed generator (Steele, Lea and Flood's SplitMix64).
+    /// The n-th uniform number in [0, 1) of a fixed generator.
     fn uniform(n: u64) -> f64 {
-        let z = n.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        let mut state = n.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        (split_mix_64(&mut state) >> 11) as f64 / (1u64 << 53) as f64
     }
 
     #[test]

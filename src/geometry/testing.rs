@@ -2,17 +2,15 @@
 
 use super::Triangle;
 use crate::math::lanes::{F32s, LANES};
+use crate::math::testing::split_mix_64;
 use crate::math::vec3::Vec3s;
 
-/// SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
+/// Numbers of [`split_mix_64`].
 pub(crate) struct Rng(pub(crate) u64);
 
 impl Rng {
     pub(crate) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
+        split_mix_64(&mut self.0)
     }
 
     /// In [0, 1).

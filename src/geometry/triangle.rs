@@ -133,7 +133,7 @@ impl ShearRay {
 
 /// [`LANES`] rays whose directions have the same largest component, prepared for triangle tests. Axes are
 /// those of [`ShearRay`]: z is the largest component, then come x and y.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct ShearRays {
     /// Origins.
     pub origin: [F32s; 3],
@@ -142,12 +142,6 @@ pub struct ShearRays {
 }
 
 impl ShearRays {
-    /// All zero: hits nothing.
-    pub const ZERO: Self = Self {
-        origin: [F32s::ZERO; 3],
-        shear: [F32s::ZERO; 3],
-    };
-
     /// Lanes of `valid` whose rays hit the triangle, and their distances, > 0 (undefined in other lanes):
     /// for each ray the bits that [`ShearRay::intersect`] gives. `corners[axis][corner]` along the rays' axes.
     #[inline(always)]

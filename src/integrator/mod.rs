@@ -132,7 +132,7 @@ pub struct Session<'a> {
     reference: Option<Reference>,
     workers: Vec<Mutex<Worker>>,
     film: Mutex<Film>,
-    /// Which work items [`Self::round`] renders where samples are placed adaptively.
+    /// Which work items [`Self::round`] renders where samples are placed adaptively; from its first call on.
     adaptive: Option<Adaptive>,
     /// Rounds of [`Self::round`] completed, and the block of the next one.
     blocks: u64,
@@ -159,16 +159,7 @@ impl<'a> Session<'a> {
         settings: &RenderSettings,
         largest_block: u32,
     ) -> Result<Self> {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(settings.threads)
-            .thread_name(|i| format!("worker-{i}"))
-            .build()
-            .map_err(|error| {
-                Error::limit(format!(
-                    "cannot start {} threads: {error}",
-                    settings.threads
-                ))
-            })?;
+        let pool = thread_pool(settings.threads)?;
         let (width, height) = (compiled.width, compiled.height);
         let film = if settings.adaptive {
             check_memory(width, height, settings.aux, 2)?;
@@ -177,7 +168,6 @@ impl<'a> Session<'a> {
             check_memory(width, height, settings.aux, 1)?;
             Film::new(width, height, settings.aux)
         };
-        let tiles = Tiles::new(width, height);
         let reference = match settings.integrator {
             IntegratorKind::Reference => Some(Reference::new(
                 scene,
@@ -193,10 +183,8 @@ impl<'a> Session<'a> {
             compiled,
             settings: settings.clone(),
             pool,
-            adaptive: settings
-                .adaptive
-                .then(|| Adaptive::endless(settings, tiles)),
-            tiles,
+            adaptive: None,
+            tiles: Tiles::new(width, height),
             reference,
             workers: (0..settings.threads).map(worker).collect(),
             film: Mutex::new(film),
@@ -213,16 +201,15 @@ impl<'a> Session<'a> {
     /// render takes as many on average, or some more. Breaks if the observer does, the block then being
     /// incomplete.
     pub fn round(&mut self, samples: u32, observer: &Observer<'_>) -> ControlFlow<()> {
-        if let Some(mut adaptive) = self.adaptive.take() {
+        if self.settings.adaptive {
+            let begun = self.adaptive.take();
+            let mut adaptive =
+                begun.unwrap_or_else(|| Adaptive::endless(&self.settings, self.tiles));
             let flow = self.adaptive_rounds(&mut adaptive, samples, observer);
             self.adaptive = Some(adaptive);
             return flow;
         }
-        let block = (self.samples, samples);
-        let tiles = 0..self.tiles.count();
-        let items: Vec<WorkItem> = tiles
-            .map(|tile| self.tiles.item(tile, self.blocks, block))
-            .collect();
+        let items = self.tiles.items(self.blocks, (self.samples, samples));
         let flow = self.trace(&items, observer);
         self.blocks += 1;
         self.samples += u64::from(samples);
@@ -247,8 +234,8 @@ impl<'a> Session<'a> {
         ControlFlow::Continue(())
     }
 
-    /// Renders work items, of which no two belong to one tile (of one half of the film). Breaks if the observer does, some of them
-    /// then being left out.
+    /// Renders work items, of which no two belong to one tile (of one half of the film). Breaks if the
+    /// observer does, some of them then being left out.
     fn trace(&mut self, items: &[WorkItem], observer: &Observer<'_>) -> ControlFlow<()> {
         let shared = Shared {
             film: &self.film,

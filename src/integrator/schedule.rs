@@ -145,6 +145,13 @@ impl Tiles {
             samples,
         }
     }
+
+    /// The work items of a block in all tiles.
+    pub fn items(&self, block: u64, samples: (u64, u32)) -> Vec<WorkItem> {
+        (0..self.count())
+            .map(|tile| self.item(tile, block, samples))
+            .collect()
+    }
 }
 
 /// Which work items exist, round by round. Within a round each half of each tile belongs to at most one work
@@ -196,11 +203,9 @@ impl Schedule {
                 blocks,
                 tiles,
                 block,
-            } => blocks.get(*block).map_or_else(Vec::new, |samples| {
-                (0..tiles.count())
-                    .map(|tile| tiles.item(tile, *block, samples))
-                    .collect()
-            }),
+            } => blocks
+                .get(*block)
+                .map_or_else(Vec::new, |samples| tiles.items(*block, samples)),
             Self::Adaptive(adaptive) => adaptive.round(),
         }
     }

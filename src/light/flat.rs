@@ -53,16 +53,16 @@ fn sides(light: &FlatLight) -> [f64; 2] {
 
 /// The columns' entries.
 pub(super) fn row(light: &FlatLight) -> Row {
+    let row = row_by_area(light);
     let sides = sides(light);
     Row {
-        // A light without area has no power and is never chosen.
-        density: if sides[0] > 0.0 && area(light) > 0.0 {
+        density: if sides[0] > 0.0 && row.density > 0.0 {
             1.0
         } else {
-            row_by_area(light).density
+            row.density
         },
         sides: sides.map(|side| side as f32),
-        ..row_by_area(light)
+        ..row
     }
 }
 
@@ -74,6 +74,7 @@ pub(super) fn row_by_area(light: &FlatLight) -> Row {
     Row {
         radiance: light.radiance,
         two_sided: light.two_sided,
+        // A light without area has no power and is never chosen.
         density: if area > 0.0 { 1.0 / area } else { 0.0 },
         position: light.corner,
         edges: light.edges,

@@ -4,7 +4,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::*;
 use crate::math::LANES;
-use crate::math::testing::{ChiSquared, DirectionBins, Mean, Uniform, direction, outgoing, splat};
+use crate::math::testing::{
+    ChiSquared, DirectionBins, Mean, Uniform, direction, first, outgoing, splat,
+};
 
 /// Outgoing angles in degrees: normal incidence to grazing.
 const ANGLES: [f64; 5] = [0.0, 30.0, 60.0, 85.0, 89.9];
@@ -53,10 +55,6 @@ fn glossy(diffuse: f32, specular: f32, exponent: f32) -> GlossyParams {
 
 fn dielectric(ior: f32, fresnel: FresnelFormula) -> DielectricParams {
     params::<Dielectric>(MaterialSpec::Dielectric { ior, fresnel })
-}
-
-fn first(x: F32s) -> f64 {
-    f64::from(x.to_array()[0])
 }
 
 /// What the sampling of a lobe does for one outgoing direction.

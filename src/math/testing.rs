@@ -7,6 +7,15 @@ use rand_pcg::Pcg64Mcg;
 use super::lanes::{F32s, LANES, Mask};
 use super::vec3::Vec3s;
 
+/// The next number of SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators",
+/// 2014).
+pub(crate) fn split_mix_64(state: &mut u64) -> u64 {
+    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let z = (*state ^ (*state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
+}
+
 /// Uniform numbers with 24 bits, as the renderer's samplers give them.
 pub(crate) struct Uniform(Pcg64Mcg);
 
@@ -55,6 +64,11 @@ pub(crate) fn direction(z: f64, phi: f64) -> [f64; 3] {
 /// The unit vector at `degrees` from z, at an azimuth of 1 radian: an outgoing direction for tests.
 pub(crate) fn outgoing(degrees: f64) -> [f64; 3] {
     direction(degrees.to_radians().cos(), 1.0)
+}
+
+/// The number in the first lane.
+pub(crate) fn first(lanes: F32s) -> f64 {
+    f64::from(lanes.to_array()[0])
 }
 
 /// The same f32 vector in every lane.

@@ -401,6 +401,14 @@ pub fn bias(settings: &RenderSettings, stats: &RenderStats) -> Vec<String> {
     bias
 }
 
+/// Sorts the values, of which there is at least one. Their median; the mean of the middle two of an even
+/// number.
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let last = values.len() - 1;
+    0.5 * (values[last / 2] + values[last.div_ceil(2)])
+}
+
 /// a / b, or 0 where b is 0.
 fn ratio(a: f64, b: f64) -> f64 {
     if b == 0.0 { 0.0 } else { a / b }
@@ -588,5 +596,11 @@ pub(crate) mod tests {
         });
         let read: RenderReport = serde_json::from_str(&report.to_json()).unwrap();
         assert_eq!(read, report);
+    }
+
+    #[test]
+    fn median_is_of_the_sorted_values() {
+        assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median(&mut [4.0, 1.0, 3.0, 2.0]), 2.5);
     }
 }

@@ -3,6 +3,7 @@
 //! Dimensions are laid out by purpose, so that a kernel that needs fewer of them leaves the others
 //! unchanged: [`CAMERA_DIMENSIONS`] for the camera, then [`BOUNCE_DIMENSIONS`] for each hit.
 
+mod hash;
 pub mod pcg;
 pub mod sobol;
 pub mod stratified;

@@ -23,6 +23,7 @@
 //! sequence's; for a function of one number there is none, for one of a pair Owen's bound on the
 //! gain coefficients keeps V(n) ≤ 2·V(n/B)/B ("Monte Carlo variance of scrambled net quadrature", 1997).
 
+use super::hash::{mix, of_dimension};
 use crate::math::lanes::{F32s, U32s, to_f32};
 
 /// LANES samples of a pixel's sequences.
@@ -32,14 +33,6 @@ pub struct Sobol {
     reversed: U32s,
     /// Hash of (seed, pixel).
     key: U32s,
-}
-
-/// A 32-bit finaliser with good avalanche (Wellons' lowbias32).
-#[inline(always)]
-fn mix(x: U32s) -> U32s {
-    let x = (x ^ (x >> 16)) * U32s::splat(0x7feb_352d);
-    let x = (x ^ (x >> 15)) * U32s::splat(0x846c_a68b);
-    x ^ (x >> 16)
 }
 
 /// The bits in reverse order.
@@ -113,12 +106,6 @@ impl Sobol {
         }
     }
 
-    /// Key of a dimension.
-    #[inline(always)]
-    fn key(&self, dimension: U32s) -> U32s {
-        mix(self.key ^ (dimension * U32s::splat(0x9e37_79b1)))
-    }
-
     /// The samples' numbers in the order of the pair at `dimension`, from its key.
     #[inline(always)]
     fn shuffled(&self, key: U32s) -> U32s {
@@ -131,16 +118,16 @@ impl Sobol {
     /// One number in [0, 1).
     #[inline(always)]
     pub fn one(&self, dimension: U32s) -> F32s {
-        let key = self.key(dimension);
+        let key = of_dimension(self.key, dimension);
         to_unit(scramble(self.shuffled(key), key))
     }
 
     /// A pair of numbers in [0, 1), of `dimension` and the one after it.
     #[inline(always)]
     pub fn pair(&self, dimension: U32s) -> [F32s; 2] {
-        let key = self.key(dimension);
+        let key = of_dimension(self.key, dimension);
         let index = self.shuffled(key);
-        let other = self.key(dimension + U32s::splat(1));
+        let other = of_dimension(self.key, dimension + U32s::splat(1));
         [
             to_unit(scramble(index, key)),
             to_unit(scramble(second_dimension(index), other)),

@@ -6,6 +6,7 @@
 //! an exclusive-or with uniform bits, so each single sample stays uniform (the estimate unbiased),
 //! and blocks stay independent (the error estimate from block means stays valid).
 
+use super::hash::{mix, of_dimension};
 use crate::math::lanes::{F32s, U32s, to_f32};
 
 /// Strata of LANES samples.
@@ -17,14 +18,6 @@ pub struct Strata {
     sample: U32s,
     /// Hash of (seed, pixel, block).
     key: U32s,
-}
-
-/// A 32-bit finaliser with good avalanche (Wellons' lowbias32).
-#[inline(always)]
-fn mix(x: U32s) -> U32s {
-    let x = (x ^ (x >> 16)) * U32s::splat(0x7feb_352d);
-    let x = (x ^ (x >> 15)) * U32s::splat(0x846c_a68b);
-    x ^ (x >> 16)
 }
 
 impl Strata {
@@ -63,7 +56,7 @@ impl Strata {
     #[inline(always)]
     fn stratum(&self, dimension: U32s) -> U32s {
         let mask = U32s::splat((1 << self.log2()) - 1);
-        let keys = mix(self.key ^ (dimension * U32s::splat(0x9e37_79b1)));
+        let keys = of_dimension(self.key, dimension);
         let half = self.log2().div_ceil(2);
         // Bijections of k bits: add, multiply by an odd number, fold down; at last the exclusive-or.
         let x = (self.sample + keys) & mask;

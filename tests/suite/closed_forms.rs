@@ -5,8 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use glam::DVec3;
 use wavepath::reference::RayCounts;
 use wavepath::scene::{
-    BsdfDescription, CameraDescription, Fresnel, Projection, RenderSettings, SceneDescription,
-    Strategy, Supersampling,
+    BsdfDescription, Fresnel, RenderSettings, SceneDescription, Strategy, Supersampling,
 };
 
 use crate::builder::{SceneBuilder, busy_room, glass, glowing_room, lambertian, mirror};
@@ -344,17 +343,9 @@ fn an_emissive_sphere_covers_its_share_of_the_picture(by: Renderer) {
     let mut scene = SceneBuilder::new();
     let light = scene.one_sided(BsdfDescription::Black, 1.0);
     scene.sphere([1.0, 2.0, 3.0], radius, light);
-    let mut scene = scene.build();
     let target = DVec3::new(1.0, 2.0, 3.0);
-    scene.cameras.push(CameraDescription {
-        name: "look".into(),
-        projection: Projection::LookAt {
-            eye: target + distance * DVec3::new(0.6, 0.0, 0.8),
-            target,
-            up: DVec3::Y,
-            fov_y,
-        },
-    });
+    scene.look_at(target + distance * DVec3::new(0.6, 0.0, 0.8), target, fov_y);
+    let scene = scene.build();
     let circle = PI * (radius / distance).asin().tan().powi(2);
     let square = 4.0 * (fov_y.to_radians() / 2.0).tan().powi(2);
     for (size, aspect) in [([32, 32], 1.0), ([64, 32], 2.0), ([32, 48], 2.0 / 3.0)] {

@@ -18,10 +18,11 @@ use serde::{Deserialize, Serialize};
 
 use self::differences::Reference;
 use self::scan::Scan;
-use super::{Build, Machine, SceneReport};
+use super::{Build, Machine, SceneReport, median};
 use crate::accel::AccelCounters;
 use crate::compile::{CompiledScene, build_quality};
 use crate::error::{Error, Result};
+use crate::integrator::thread_pool;
 use crate::scene::{AccelQuality, SceneDescription};
 
 /// Version of the JSON format; it changes when a field changes its meaning or disappears.
@@ -134,12 +135,11 @@ impl Spread {
     /// Of the values, of which there is at least one.
     fn of(values: impl Iterator<Item = f64>) -> Self {
         let mut values: Vec<f64> = values.collect();
-        values.sort_by(f64::total_cmp);
-        let last = values.len() - 1;
+        let median = median(&mut values);
         Self {
             least: values[0],
-            median: 0.5 * (values[last / 2] + values[last.div_ceil(2)]),
-            most: values[last],
+            median,
+            most: values[values.len() - 1],
         }
     }
 }
@@ -208,11 +208,7 @@ pub fn compare(input: AccelsInput<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Resul
         settings,
     } = input;
     let machine = Machine::read();
-    let threads = settings.threads;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|error| Error::limit(format!("cannot start {threads} threads: {error}")))?;
+    let pool = thread_pool(settings.threads)?;
     let mut notes = Vec::new();
 
     tell(Event::Progress("making rays"));

@@ -2,8 +2,8 @@
 
 use super::bias::{SignedErrors, Test, test};
 use super::results::Errors;
-use super::statistics::median;
 use crate::film::{Film, RELATIVE_EPSILON};
+use crate::report::median;
 
 /// Pixels across and down a block of the bias test and of the search for outliers.
 pub(super) const BLOCK: u32 = 16;

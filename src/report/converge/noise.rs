@@ -3,10 +3,11 @@
 use std::ops::ControlFlow;
 
 use super::results::MachineNoise;
-use super::statistics::{mean_and_deviation, median};
+use super::statistics::mean_and_deviation;
 use crate::compile::CompiledScene;
 use crate::error::Result;
 use crate::integrator::Session;
+use crate::report::median;
 use crate::scene::{RenderSettings, SceneDescription};
 
 /// Pairs of runs.

@@ -59,13 +59,6 @@ pub(super) fn map(estimate: Estimate, function: impl Fn(f64) -> f64) -> Estimate
     }
 }
 
-/// Median; the mean of the middle two of an even number. There is at least one value.
-pub(super) fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let last = values.len() - 1;
-    0.5 * (values[last / 2] + values[last.div_ceil(2)])
-}
-
 /// Intercept and slope of the line of least squares. `None` unless two abscissas differ.
 pub(super) fn line(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let count = points.len() as f64;
@@ -127,11 +120,5 @@ mod tests {
         let (intercept, slope) = line(&points).unwrap();
         assert!((intercept - 3.0).abs() < 1e-14 && (slope + 0.5).abs() < 1e-14);
         assert_eq!(line(&points[..1]), None);
-    }
-
-    #[test]
-    fn median_is_of_the_sorted_values() {
-        assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);
-        assert_eq!(median(&mut [4.0, 1.0, 3.0, 2.0]), 2.5);
     }
 }

@@ -10,10 +10,7 @@ use super::trial::{Figure, Trial};
 use crate::error::{ErrorKind, Result};
 use crate::film::memory::available_bytes;
 use crate::film::{Film, check_memory};
-use crate::scene::{
-    self, BsdfDescription, Budget, CameraDescription, Projection, RenderSettings, SceneDescription,
-    Strategy,
-};
+use crate::scene::{self, BsdfDescription, Budget, RenderSettings, SceneDescription, Strategy};
 
 /// A scene of which every pixel has a known value on every structure.
 fn known(
@@ -168,17 +165,9 @@ pub(super) fn coverage(trial: &mut Trial<'_>) -> Result<()> {
         let mut scene = SceneBuilder::new();
         let light = scene.one_sided(BsdfDescription::Black, 1.0);
         scene.sphere([1.0, 2.0, 3.0], radius, light);
-        let mut scene = scene.build();
         let target = DVec3::new(1.0, 2.0, 3.0);
-        scene.cameras.push(CameraDescription {
-            name: "look".to_owned(),
-            projection: Projection::LookAt {
-                eye: target + distance * DVec3::new(0.6, 0.0, 0.8),
-                target,
-                up: DVec3::Y,
-                fov_y: fov,
-            },
-        });
+        scene.look_at(target + distance * DVec3::new(0.6, 0.0, 0.8), target, fov);
+        let scene = scene.build();
         let settings = RenderSettings {
             budget: Budget::Samples(samples),
             ..path(Strategy::Mis, 1)

@@ -9,6 +9,7 @@ use crate::accel::{Accel, AccelCounters, HitBatch, RayBatch};
 use crate::error::{Error, Result};
 use crate::geometry::{Geometry, PrimitiveId, Triangle};
 use crate::math::float::flush_denormals;
+use crate::math::testing::split_mix_64;
 use crate::scene::procedural::{ScalableKind, ScalableMesh, torus};
 use crate::scene::{self, Mesh, ShapeGeometry};
 use glam::DVec3;
@@ -24,16 +25,13 @@ const CLEARANCE: f64 = 1e-4;
 /// Points tried for each one that is wanted.
 const MOST_TRIES: usize = 200;
 
-/// SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
+/// Numbers of [`split_mix_64`].
 #[derive(Debug)]
 pub(super) struct Random(pub(super) u64);
 
 impl Random {
     pub(super) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
+        split_mix_64(&mut self.0)
     }
 
     /// In [0, 1).

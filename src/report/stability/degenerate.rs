@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::geometry::triangle::ShearRay;
 use crate::geometry::{Geometry, PrimitiveId, Triangle};
 use crate::integrator::clock::thread_cpu_seconds;
+use crate::integrator::thread_pool;
 use crate::scene::procedural;
 use crate::scene::{
     self, BsdfDescription, Budget, Mesh, RenderSettings, SceneDescription, Strategy,
@@ -323,10 +324,7 @@ pub(super) fn garbage(trial: &mut Trial<'_>) -> Result<()> {
 
 pub(super) fn duplicates(trial: &mut Trial<'_>) -> Result<()> {
     let most = trial.count(20_000);
-    let single = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .map_err(|error| Error::limit(format!("cannot start a thread: {error}")))?;
+    let single = thread_pool(1)?;
     let corners = [DVec3::new(0.0, 0.0, 0.1), DVec3::X, DVec3::Y];
     for count in [1_000, 10_000, 100_000]
         .into_iter()

@@ -10,7 +10,9 @@ use crate::material::{
     Dielectric, FresnelFormula, Glossy, Lambertian, Material, MaterialSpec, MaterialTable,
     OrenNayar, Phong,
 };
-use crate::math::testing::{ChiSquared, DirectionBins, Mean, Uniform, direction, outgoing, splat};
+use crate::math::testing::{
+    ChiSquared, DirectionBins, Mean, Uniform, direction, first, outgoing, splat,
+};
 use crate::math::{F32s, Frame, LANES, U32s, Vec3s};
 
 const WHITE: [f32; 3] = [1.0; 3];
@@ -59,10 +61,6 @@ fn glossy(exponent: f32) -> <Glossy as Material>::Params {
 
 fn lambertian() -> <Lambertian as Material>::Params {
     fetch::<Lambertian>(MaterialSpec::Lambertian { reflectance: WHITE })
-}
-
-fn first(x: F32s) -> f64 {
-    f64::from(x.to_array()[0])
 }
 
 fn hemisphere() -> DirectionBins {

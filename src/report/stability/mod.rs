@@ -42,6 +42,7 @@ use serde::{Deserialize, Serialize};
 use super::{Build, Machine, Span, Stopwatch};
 use crate::accel::Structure;
 use crate::error::{Error, Result};
+use crate::integrator::thread_pool;
 
 use trial::Trial;
 
@@ -606,11 +607,7 @@ pub fn run(
     let watch = Stopwatch::start();
     let cases = cases(&settings.cases)?;
     let structures = structures(&settings.structures)?;
-    let threads = settings.threads;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|error| Error::limit(format!("cannot start {threads} threads: {error}")))?;
+    let pool = thread_pool(settings.threads)?;
     let mut findings = Vec::new();
     for case in cases {
         let mut trial = Trial::new(case, settings, &structures, &pool, tell);

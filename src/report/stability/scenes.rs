@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::scene::{
     BsdfDescription, CameraDescription, EmissionDescription, FilmDescription, Fresnel,
     MaterialDescription, MaterialId, Mesh, PointLightDescription, Projection, RenderDefaults,
-    SceneDescription, ShapeDescription, ShapeGeometry, TextureDescription, TextureId,
+    SceneDescription, ShapeDescription, ShapeGeometry, TextureDescription, TextureId, procedural,
 };
 
 /// Grey Lambertian.
@@ -194,22 +194,11 @@ impl SceneBuilder {
     /// Twelve triangles: the unit cube turned about a skew axis, scaled, then moved.
     pub fn skew_cube(&mut self, size: f64, corner: DVec3, material: MaterialId) {
         let turn = glam::DQuat::from_scaled_axis(DVec3::new(0.3, 1.1, -0.7));
-        let bit = |i: u32, k: u32| f64::from(i >> k & 1);
-        let positions = (0..8)
-            .map(|i| corner + turn * DVec3::new(bit(i, 0), bit(i, 1), bit(i, 2)) * size)
-            .collect();
-        let quads = [
-            [0, 2, 3, 1],
-            [4, 5, 7, 6],
-            [0, 1, 5, 4],
-            [2, 6, 7, 3],
-            [0, 4, 6, 2],
-            [1, 3, 7, 5],
-        ];
-        let faces = quads
-            .iter()
-            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
-            .collect();
+        let Mesh {
+            positions, faces, ..
+        } = procedural::cuboid(DVec3::ONE);
+        let placed = |p: DVec3| corner + turn * (p + 0.5) * size;
+        let positions = positions.into_iter().map(placed).collect();
         self.mesh(positions, faces, material);
     }
 
@@ -243,13 +232,27 @@ impl SceneBuilder {
 
     /// A camera that looks through a fixed image plane.
     pub fn window(&mut self, eye: [f64; 3], top_left: [f64; 3], right: [f64; 3], down: [f64; 3]) {
-        let name = format!("camera {}", self.0.cameras.len());
-        let projection = Projection::Plane {
+        self.camera(Projection::Plane {
             eye: eye.into(),
             top_left: top_left.into(),
             right: right.into(),
             down: down.into(),
+        });
+    }
+
+    /// A camera in `eye` that looks at `target` with +y up, and sees `fov_y` degrees from bottom to top.
+    pub fn look_at(&mut self, eye: DVec3, target: DVec3, fov_y: f64) {
+        let projection = Projection::LookAt {
+            eye,
+            target,
+            up: DVec3::Y,
+            fov_y,
         };
+        self.camera(projection);
+    }
+
+    fn camera(&mut self, projection: Projection) {
+        let name = format!("camera {}", self.0.cameras.len());
         self.0.cameras.push(CameraDescription { name, projection });
     }
 
