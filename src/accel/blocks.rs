@@ -2,14 +2,14 @@
 //! primitives need, each node followed by its leaves.
 
 use rayon::prelude::*;
-use wide::f32x16;
+use wide::{f32x8, f32x16};
 
 use super::collapse::{WIDTH, WideChild, WideNode, WideTree};
 use super::huge_pages;
 use crate::error::{Error, Result};
 use crate::geometry::slab::Bounds;
 use crate::geometry::{Geometry, Triangle};
-use crate::math::lanes::{F32s, LANES, Mask, U32s, load_first};
+use crate::math::lanes::{F32s, Mask, U32s, load_first};
 
 /// Bit of a reference that says leaf. The other bits are a place in units of [`UNIT`] words.
 pub(super) const LEAF: u32 = 1 << 31;
@@ -28,15 +28,16 @@ const NODE_LINES: usize = size_of::<Node>() / size_of::<f32x16>();
 const TRIANGLE_WORDS: usize = 1 + 9;
 const SPHERE_WORDS: usize = 1 + 4;
 
-/// Most triangles and spheres of a leaf.
-pub(super) const LEAF_SIZE: u32 = LANES as u32;
+/// Most triangles and spheres of a leaf. Eight lanes test a leaf even where vectors have sixteen: most leaves have no
+/// more triangles, and vectors of sixteen have two units to compute in where those of eight have three.
+pub(super) const LEAF_SIZE: usize = 8;
 
 /// Up to eight children with their boxes.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(super) struct Node {
-    /// Per axis the lower planes of the children, then the upper ones. Unused slots have empty boxes.
-    pub(super) planes: [f32x16; 3],
+    /// Per axis the lower planes of the children, and the upper ones. Unused slots have empty boxes.
+    pub(super) planes: [[f32x8; 2]; 3],
     /// References of the children.
     pub(super) children: [u32; WIDTH],
     padding: [u32; WIDTH],
@@ -46,9 +47,9 @@ pub(super) struct Node {
 /// and radii of its spheres.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Leaf<'a> {
-    /// Number of triangles, at most [`LANES`].
+    /// Number of triangles, at most [`LEAF_SIZE`].
     pub(super) triangles: usize,
-    /// Number of spheres, at most [`LANES`].
+    /// Number of spheres, at most [`LEAF_SIZE`].
     pub(super) spheres: usize,
     words: &'a [f32],
 }
@@ -131,7 +132,11 @@ impl Blocks {
     #[inline(always)]
     pub(super) fn node(&self, reference: u32) -> &Node {
         let first = reference as usize / (LINE / UNIT);
-        bytemuck::from_bytes(bytemuck::cast_slice(&self.lines[first..first + NODE_LINES]))
+        let lines: &[f32x16; NODE_LINES] = self.lines[first..first + NODE_LINES]
+            .try_into()
+            .expect("a slice of this length");
+        // Of the same alignment, so that nothing is left to check.
+        bytemuck::cast_ref(lines)
     }
 
     /// The leaf of a reference with [`LEAF`], which must not be [`DONE`].
@@ -140,34 +145,70 @@ impl Blocks {
         let words: &[f32] = bytemuck::cast_slice(&self.lines);
         let words = &words[(reference & !LEAF) as usize * UNIT..];
         let header = words[0].to_bits();
-        Leaf {
-            triangles: (header & 0xff) as usize,
-            spheres: (header >> 8) as usize,
-            words: &words[1..],
-        }
+        Leaf::new(
+            (header & 0xff) as usize,
+            (header >> 8) as usize,
+            &words[1..],
+        )
     }
 
     /// Asks for the first four cache lines of what is referred to.
     #[inline(always)]
     pub(super) fn prefetch(&self, reference: u32) {
-        let first = (reference & !LEAF) as usize / (LINE / UNIT);
+        let words: &[f32] = bytemuck::cast_slice(&self.lines);
+        let first = (reference & !LEAF) as usize * UNIT;
         for line in 0..NODE_LINES {
-            crate::math::prefetch(&self.lines, first + line);
+            crate::math::prefetch(words, first + line * LINE);
         }
     }
 }
 
-impl Leaf<'_> {
-    /// A coordinate of the triangles' corners; zero in lanes outside of `valid`.
+impl<'a> Leaf<'a> {
+    /// # Panics
+    /// If `words` ends before a vector of [`LEAF_SIZE`] words after the triangles does.
     #[inline(always)]
-    pub(super) fn row(&self, axis: usize, corner: usize, valid: Mask) -> F32s {
-        load_first(self.words, (1 + 3 * axis + corner) * self.triangles, valid)
+    fn new(triangles: usize, spheres: usize, words: &'a [f32]) -> Self {
+        assert!(TRIANGLE_WORDS * triangles + LEAF_SIZE <= words.len());
+        Self {
+            triangles,
+            spheres,
+            words,
+        }
+    }
+
+    /// Row `first + more` of the triangles, anything in lanes without one. The ids are row 0.
+    #[inline(always)]
+    fn words(&self, first: usize, more: usize) -> f32x8 {
+        #![expect(unsafe_code, reason = "checks of nine rows take as long as their reading")]
+        assert!(first + more < TRIANGLE_WORDS);
+        // SAFETY: `new` checked that a vector after the last row is within `words`, and so is one within a row.
+        unsafe {
+            let row = self.words.as_ptr().add(first * self.triangles);
+            row.add(more * self.triangles).cast::<f32x8>().read_unaligned()
+        }
+    }
+
+    /// A coordinate of the triangles' corners; anything in lanes without a triangle.
+    #[inline(always)]
+    pub(super) fn row(&self, axis: usize, corner: usize) -> f32x8 {
+        self.words(1 + 3 * axis, corner)
+    }
+
+    /// Which lanes have a triangle.
+    #[inline(always)]
+    pub(super) fn valid(&self) -> Mask {
+        Mask(((1u32 << (self.triangles as u32 & 31)) - 1) as u16)
+    }
+
+    /// All coordinates: corner by corner, axis by axis.
+    pub(super) fn all_rows(&self) -> [[f32x8; 3]; 3] {
+        [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| self.row(axis, corner)))
     }
 
     /// Ids of the triangles.
     #[inline(always)]
-    pub(super) fn ids(&self, valid: Mask) -> U32s {
-        bytemuck::cast(load_first(self.words, 0, valid))
+    pub(super) fn ids(&self) -> [u32; LEAF_SIZE] {
+        bytemuck::cast(self.words(0, 0))
     }
 
     /// Id of one triangle.
@@ -176,10 +217,10 @@ impl Leaf<'_> {
         self.words[index].to_bits()
     }
 
-    /// A coordinate of the triangles' corners, with at least [`LANES`] more words after it.
+    /// A coordinate of one triangle's corners.
     #[inline(always)]
-    pub(super) fn rows(&self, axis: usize) -> [&[f32]; 3] {
-        [0, 1, 2].map(|corner| &self.words[(1 + 3 * axis + corner) * self.triangles..])
+    pub(super) fn corners(&self, axis: usize, index: usize) -> [f32; 3] {
+        [0, 1, 2].map(|corner| self.words[(1 + 3 * axis + corner) * self.triangles + index])
     }
 
     /// Centres and radii of the spheres, their ids, and the lanes that have one.

@@ -14,8 +14,8 @@ use crate::math::lanes::{Compare, F32s, U32s, gather, gather_u32, store, store_u
 const COSTS: CollapseCosts = CollapseCosts {
     node: 1.0,
     pack: 1.3,
-    pack_size: LEAF_SIZE,
-    largest_leaf: LEAF_SIZE,
+    pack_size: LEAF_SIZE as u32,
+    largest_leaf: LEAF_SIZE as u32,
 };
 
 /// An 8-wide tree over triangles and spheres.

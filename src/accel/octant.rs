@@ -2,10 +2,29 @@
 
 use wide::f32x8;
 
+use super::blocks::Node;
 use super::collapse::WIDTH;
 
 /// Number of octants: bit k is set where component k of the direction has its sign bit set.
 pub(super) const OCTANTS: usize = 8;
+
+/// Per axis which of a box's planes a ray of some octant meets first: 0 the lower, 1 the upper one.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sides(pub(super) [usize; 3]);
+
+impl Sides {
+    #[inline(always)]
+    pub(super) fn of(octant: usize) -> Self {
+        Self([0, 1, 2].map(|axis| octant >> axis & 1))
+    }
+
+    /// The near and the far planes of a node's children.
+    #[inline(always)]
+    pub(super) fn planes(self, node: &Node, axis: usize) -> [f32x8; 2] {
+        let near = self.0[axis] & 1;
+        [near, near ^ 1].map(|side| node.planes[axis][side])
+    }
+}
 
 /// Which lane of a permutation by [`ORDER`] has the nearest child.
 pub(super) const NEAREST: usize = WIDTH - 1;
@@ -13,10 +32,10 @@ pub(super) const NEAREST: usize = WIDTH - 1;
 /// `ORDER[octant][mask]`: slots of the children in `mask` for a ray of that octant: all but the nearest
 /// from lane 0 on, farthest first, and the nearest in lane [`NEAREST`]. Bit k of a slot says on which side
 /// of the node a child lies along axis k, so that slot ^ octant sorts children along the ray.
-pub(super) static ORDER: [[[u8; WIDTH]; 1 << WIDTH]; OCTANTS] = order();
+pub(super) static ORDER: [[u64; 1 << WIDTH]; OCTANTS] = order();
 
-const fn order() -> [[[u8; WIDTH]; 1 << WIDTH]; OCTANTS] {
-    let mut table = [[[0; WIDTH]; 1 << WIDTH]; OCTANTS];
+const fn order() -> [[u64; 1 << WIDTH]; OCTANTS] {
+    let mut table = [[0; 1 << WIDTH]; OCTANTS];
     let mut octant = 0;
     while octant < OCTANTS {
         let mut mask: usize = 0;
@@ -29,7 +48,8 @@ const fn order() -> [[[u8; WIDTH]; 1 << WIDTH]; OCTANTS] {
                 let slot = rank ^ octant;
                 if mask >> slot & 1 != 0 {
                     left -= 1;
-                    table[octant][mask][if left == 0 { NEAREST } else { lane }] = slot as u8;
+                    let place = if left == 0 { NEAREST } else { lane };
+                    table[octant][mask] |= (slot as u64) << (8 * place);
                     lane += 1;
                 }
             }
@@ -40,9 +60,44 @@ const fn order() -> [[[u8; WIDTH]; 1 << WIDTH]; OCTANTS] {
     table
 }
 
+impl Node {
+    /// What far planes are away from near ones, in bytes, up or down.
+    pub(super) const SIDE: u32 = size_of::<f32x8>() as u32;
+
+    /// Per octant and axis where the near planes are, in bytes.
+    pub(super) const NEAR: [[u32; 3]; OCTANTS] = {
+        let mut near = [[0; 3]; OCTANTS];
+        let mut octant = 0;
+        while octant < OCTANTS {
+            let mut axis = 0;
+            while axis < 3 {
+                let side = (octant >> axis & 1) as u32;
+                near[octant][axis] = (2 * axis as u32 + side) * Self::SIDE;
+                axis += 1;
+            }
+            octant += 1;
+        }
+        near
+    };
+
+    /// The planes at a place in bytes.
+    #[inline(always)]
+    pub(super) fn planes_at(&self, place: u32) -> f32x8 {
+        let bytes: &[u8; size_of::<Self>()] = bytemuck::cast_ref(self);
+        let place = (place & 0xe0) as usize;
+        bytemuck::pod_read_unaligned(&bytes[place..place + size_of::<f32x8>()])
+    }
+}
+
+/// The slot of the nearest child in an order; any slot if there is none.
+#[inline(always)]
+pub(super) fn nearest(order: u64) -> usize {
+    (order >> (8 * NEAREST)) as usize % WIDTH
+}
+
 /// The lanes of `values` that `order` names.
 #[inline(always)]
-pub(super) fn permute(values: f32x8, order: &[u8; WIDTH]) -> f32x8 {
+pub(super) fn permute(values: f32x8, order: u64) -> f32x8 {
     imp::permute(values, order)
 }
 
@@ -55,11 +110,10 @@ mod imp {
     use super::{WIDTH, f32x8};
 
     #[inline(always)]
-    pub(super) fn permute(values: f32x8, order: &[u8; WIDTH]) -> f32x8 {
-        let order = i64::from_le_bytes(*order);
+    pub(super) fn permute(values: f32x8, order: u64) -> f32x8 {
         // SAFETY: these instructions touch registers only; avx2 is enabled by this module's `cfg`.
         unsafe {
-            let lanes = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(order));
+            let lanes = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(order as i64));
             _mm256_permutevar8x32_ps(values.into(), lanes).into()
         }
     }
@@ -70,9 +124,9 @@ mod imp {
     use super::{WIDTH, f32x8};
 
     #[inline(always)]
-    pub(super) fn permute(values: f32x8, order: &[u8; WIDTH]) -> f32x8 {
+    pub(super) fn permute(values: f32x8, order: u64) -> f32x8 {
         let values = values.to_array();
-        f32x8::from(order.map(|lane| values[usize::from(lane) % WIDTH]))
+        f32x8::from(order.to_le_bytes().map(|lane| values[usize::from(lane) % WIDTH]))
     }
 }
 
@@ -83,15 +137,14 @@ mod tests {
     #[test]
     fn children_come_farthest_first_and_the_nearest_is_apart() {
         for (octant, table) in ORDER.iter().enumerate() {
-            for (mask, order) in table.iter().enumerate().skip(1) {
+            for (mask, &order) in table.iter().enumerate().skip(1) {
                 let mut slots = (0..WIDTH)
                     .filter(|slot| mask >> slot & 1 != 0)
                     .collect::<Vec<_>>();
                 slots.sort_by_key(|slot| std::cmp::Reverse(slot ^ octant));
-                let nearest = slots.pop();
-                assert_eq!(nearest, Some(usize::from(order[NEAREST])));
+                assert_eq!(slots.pop(), Some(nearest(order)));
                 for (lane, slot) in slots.into_iter().enumerate() {
-                    assert_eq!(usize::from(order[lane]), slot);
+                    assert_eq!(usize::from(order.to_le_bytes()[lane]), slot);
                 }
             }
         }
@@ -102,6 +155,6 @@ mod tests {
         let values = f32x8::from([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
         let order = [7, 7, 0, 3, 2, 1, 6, 4];
         let expected = order.map(f32::from);
-        assert_eq!(permute(values, &order).to_array(), expected);
+        assert_eq!(permute(values, u64::from_le_bytes(order)).to_array(), expected);
     }
 }

@@ -5,17 +5,17 @@
 //! using Coherent Grid Traversal", 2006, cull with frusta for the same reason). Triangles of a leaf
 //! that no ray of the group can meet are left out in the same way.
 
-use wide::{f32x4, f32x8, f32x16};
+use wide::{f32x4, f32x8};
 
 use super::AccelCounters;
 use super::blocks::{Blocks, LEAF, Leaf, Node};
-use super::octant::{NEAREST, ORDER};
-use super::stream::{Query, entered};
+use super::octant::{NEAREST, ORDER, Sides};
+use super::stream::Query;
 use crate::geometry::PrimitiveId;
-use crate::geometry::slab::FAR_PADDING;
+use crate::geometry::slab::{FAR_PADDING, keep_max, keep_min};
 use crate::geometry::sphere::sphere_distance;
 use crate::geometry::triangle::{ShearRays, shear_lanes};
-use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s, load_first};
+use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s};
 use crate::math::vec3::Vec3s;
 
 /// Most rays of a group.
@@ -71,7 +71,7 @@ pub(super) struct Group {
     /// Of rays that descend.
     sheared: [ShearRays; VECTORS],
     direction: [Column; 3],
-    /// |1/d|.
+    /// 1/d.
     pub(super) reciprocal: [Column; 3],
     /// Axis along which the direction is largest.
     pub(super) largest: ColumnU32,
@@ -104,7 +104,7 @@ impl Group {
         for axis in 0..3 {
             self.origin[axis][vector] = origin[axis];
             self.direction[axis][vector] = direction[axis];
-            self.reciprocal[axis][vector] = (one / direction[axis]).abs();
+            self.reciprocal[axis][vector] = one / direction[axis];
             self.shear[axis][vector] = shear[axis];
         }
         let place = is_z.select_u32(U32s::splat(2), U32s::splat(0));
@@ -150,7 +150,7 @@ impl Group {
         let axis = bytemuck::cast_slice::<U32s, u32>(&self.largest)[rays.trailing_zeros() as usize];
         let like = (0..VECTORS).all(|vector| {
             let others = !self.largest[vector].eq(U32s::splat(axis));
-            let [x, y, z] = self.reciprocal.each_ref().map(|column| column[vector]);
+            let [x, y, z] = self.reciprocal.each_ref().map(|column| column[vector].abs());
             let finite = x.le(most) & y.le(most) & z.le(most);
             (lanes_of(rays, vector) & (others | !finite)).none()
         });
@@ -186,7 +186,7 @@ impl Group {
     /// Those of these rays that enter the child in `slot`. The test of each is that of
     /// [`crate::geometry::slab::SlabRay`].
     #[inline(always)]
-    fn enter_child<const OCTANT: usize>(&self, node: &Node, slot: usize, rays: Rays) -> Rays {
+    fn enter_child(&self, node: &Node, sides: Sides, slot: usize, rays: Rays) -> Rays {
         let mut all = 0;
         for vector in 0..VECTORS {
             let lanes = lanes_of(rays, vector);
@@ -195,17 +195,13 @@ impl Group {
             }
             let (mut first, mut last) = (F32s::splat(0.0), self.t[vector]);
             for axis in 0..3 {
-                let planes = node.planes[axis].as_array();
-                let (lower, upper) = (F32s::splat(planes[slot]), F32s::splat(planes[8 + slot]));
                 let origin = self.origin[axis][vector];
                 let reciprocal = self.reciprocal[axis][vector];
-                let (near, far) = if OCTANT >> axis & 1 == 0 {
-                    (lower - origin, upper - origin)
-                } else {
-                    (origin - upper, origin - lower)
-                };
-                first = (near * reciprocal).fast_max(first);
-                last = (far * reciprocal * F32s::splat(FAR_PADDING)).fast_min(last);
+                let [near, far] = sides
+                    .planes(node, axis)
+                    .map(|planes| (F32s::splat(planes.as_array()[slot]) - origin) * reciprocal);
+                first = near.fast_max(first);
+                last = (far * F32s::splat(FAR_PADDING)).fast_min(last);
             }
             all |= Rays::from((first.le(last) & lanes).0) << (vector * LANES);
         }
@@ -220,11 +216,12 @@ impl Group {
         bundle: &Bundle,
         rays: Rays,
     ) -> bool {
-        let rows = bundle.axes.map(|axis| leaf.rows(axis));
-        let valid = Mask::first(leaf.triangles);
         let mut met = Mask::NONE;
-        for index in bundle.cone.meets(&rows, valid).lanes() {
-            let corners = rows.map(|rows| rows.map(|row| row[index]));
+        let meets = bundle
+            .cone
+            .meets(|k, corner| leaf.row(bundle.axes[k], corner));
+        for index in (meets & Mask::first(leaf.triangles)).lanes() {
+            let corners = bundle.axes.map(|axis| leaf.corners(axis, index));
             let id = U32s::splat(leaf.id(index));
             for vector in 0..VECTORS {
                 let lanes = lanes_of(rays, vector);
@@ -354,36 +351,36 @@ impl Scratch {
 /// Bounds of the rays of a group. Every rounding is that of a single ray's test and monotone, so that
 /// bounds stay bounds.
 struct Bundle {
-    /// Least and most along each axis.
+    /// Which planes are near.
+    sides: Sides,
+    /// Per axis the origins of the least distances of near planes, and of far ones.
     origin: [[f32; 2]; 3],
-    /// Least and most |1/d| for lower planes, negated for upper ones.
-    reciprocal: [[f32x16; 2]; 3],
-    /// 0 for near planes, minus the largest of the rays' ends for far ones.
-    limits: f32x16,
+    /// Per axis the least and the most of 1/d.
+    reciprocal: [[f32; 2]; 3],
+    /// Largest of the rays' ends.
+    end: f32,
     /// The axes of [`ShearRays`].
     axes: [usize; 3],
     cone: Cone,
 }
 
-/// A vector of numbers for lower planes and one for upper ones.
-#[inline(always)]
-fn halves(low: f32, high: f32) -> f32x16 {
-    bytemuck::cast([f32x8::splat(low), f32x8::splat(high)])
-}
-
 impl Bundle {
     #[inline(always)]
-    fn new(group: &Group, axis: usize, rays: Rays) -> Self {
+    fn new(group: &Group, sides: Sides, axis: usize, rays: Rays) -> Self {
         let axes = [(axis + 1) % 3, (axis + 2) % 3, axis];
         let origin = group.origin.each_ref().map(|column| range(column, rays));
         let shear = [0, 1].map(|k| range(&group.shear[k], rays));
         let mut bundle = Self {
-            origin,
+            sides,
+            origin: [0, 1, 2].map(|axis| {
+                let [least, most] = origin[axis];
+                if sides.0[axis] == 0 { [most, least] } else { [least, most] }
+            }),
             reciprocal: group
                 .reciprocal
                 .each_ref()
-                .map(|column| range(column, rays).map(|bound| halves(bound, -bound))),
-            limits: f32x16::ZERO,
+                .map(|column| range(column, rays)),
+            end: 0.0,
             axes,
             cone: Cone::new(axes.map(|axis| origin[axis]), shear),
         };
@@ -394,27 +391,33 @@ impl Bundle {
     /// Takes the rays' ends into account.
     #[inline(always)]
     fn limit(&mut self, group: &Group, rays: Rays) {
-        let [_, most] = range(&group.t, rays);
-        self.limits = halves(0.0, -most);
+        [_, self.end] = range(&group.t, rays);
     }
 
     /// Children that some ray may enter, with a distance before which none does, and children that all
     /// enter unless they end before.
     #[inline(always)]
-    fn enters<const OCTANT: usize>(&self, node: &Node) -> (u32, f32x8, u32) {
-        let (some, near) = entered::<OCTANT>(self.limits, |axis| {
-            let [least, most] = self.origin[axis];
-            let offset = node.planes[axis] - halves(most, least);
-            let [a, b] = self.reciprocal[axis].map(|reciprocal| offset * reciprocal);
-            a.fast_min(b)
-        });
-        let (all, _) = entered::<OCTANT>(halves(0.0, f32::NEG_INFINITY), |axis| {
-            let [least, most] = self.origin[axis];
-            let offset = node.planes[axis] - halves(least, most);
-            let [a, b] = self.reciprocal[axis].map(|reciprocal| offset * reciprocal);
-            a.fast_max(b)
-        });
-        (some, near, all)
+    fn enters(&self, node: &Node) -> (u32, f32x8, u32) {
+        let zero = f32x8::splat(0.0);
+        let (mut least_near, mut most_far) = (zero, f32x8::splat(self.end));
+        let (mut most_near, mut least_far) = (zero, f32x8::splat(f32::INFINITY));
+        for axis in 0..3 {
+            let [near, far] = self.sides.planes(node, axis);
+            let reciprocal = self.reciprocal[axis].map(f32x8::splat);
+            let [first, last] = self.origin[axis].map(f32x8::splat);
+            let bounds = |planes: f32x8, origin: f32x8| {
+                let [a, b] = reciprocal.map(|reciprocal| (planes - origin) * reciprocal);
+                [a.fast_min(b), a.fast_max(b)]
+            };
+            least_near = keep_max(bounds(near, first)[0], least_near);
+            most_near = keep_max(bounds(near, last)[1], most_near);
+            most_far = keep_min(bounds(far, last)[1], most_far);
+            least_far = keep_min(bounds(far, first)[0], least_far);
+        }
+        let padding = f32x8::splat(FAR_PADDING);
+        let some = least_near.simd_le(most_far * padding).to_bitmask();
+        let all = most_near.simd_le(least_far * padding).to_bitmask();
+        (some & 0xff, least_near, all & 0xff)
     }
 }
 
@@ -452,45 +455,45 @@ impl Cone {
         }
     }
 
-    /// Triangles of `valid`, by rows of their coordinates along the axes, that some of the rays may meet:
-    /// those of which the corners do not all lie on one side of all rays.
+    /// Triangles that some of the rays may meet: those of which the corners do not all lie on one side of all
+    /// rays. `row(k, corner)` is a coordinate of them along axis k of the rays.
     #[inline(always)]
-    fn meets(&self, rows: &[[&[f32]; 3]; 3], valid: Mask) -> Mask {
-        let mut above = [F32s::splat(f32::NEG_INFINITY); 2];
-        let mut below = [F32s::splat(f32::INFINITY); 2];
-        let [rows_x, rows_y, rows_z] = rows;
-        for ((x, y), z) in rows_x.iter().zip(rows_y).zip(rows_z) {
-            let offset =
-                |row: &[f32], k: usize| load_first(row, 0, valid) - F32s::splat(self.origin[k]);
-            let z = offset(z, 2);
-            for (k, row) in [x, y].into_iter().enumerate() {
-                let across = offset(row, k) - F32s::splat(self.shear[k]) * z;
+    fn meets(&self, row: impl Fn(usize, usize) -> f32x8) -> Mask {
+        let mut above = [f32x8::splat(f32::NEG_INFINITY); 2];
+        let mut below = [f32x8::splat(f32::INFINITY); 2];
+        for corner in 0..3 {
+            let offset = |k: usize| row(k, corner) - f32x8::splat(self.origin[k]);
+            let z = offset(2);
+            for k in 0..2 {
+                let across = offset(k) - f32x8::splat(self.shear[k]) * z;
                 let radius = z
                     .abs()
-                    .mul_add(F32s::splat(self.slope[k]), F32s::splat(self.least[k]));
+                    .mul_add(f32x8::splat(self.slope[k]), f32x8::splat(self.least[k]));
                 above[k] = above[k].fast_max(across + radius);
                 below[k] = below[k].fast_min(across - radius);
             }
         }
-        let zero = F32s::splat(0.0);
-        let [x, y] = [0, 1].map(|k| above[k].ge(zero) & below[k].le(zero));
-        valid & x & y
+        let zero = f32x8::splat(0.0);
+        let [x, y] = [0, 1].map(|k| Compare::ge(above[k], zero) & Compare::le(below[k], zero));
+        x & y
     }
 }
 
-/// Traces these rays, whose directions are of this octant and largest along `axis`, through the tree; what
+/// Traces these rays, whose directions are of `octant` and largest along `axis`, through the tree; what
 /// is left to each alone is in `scratch.pending`.
 #[inline(always)]
-pub(super) fn descend<const OCTANT: usize, const SPHERES: bool, Q: Query>(
+pub(super) fn descend<const SPHERES: bool, Q: Query>(
     tree: &Blocks,
     group: &mut Group,
+    octant: usize,
     axis: usize,
     rays: Rays,
     scratch: &mut Scratch,
     counters: &mut AccelCounters,
 ) {
     group.shear([(axis + 1) % 3, (axis + 2) % 3, axis]);
-    let mut bundle = Bundle::new(group, axis, rays);
+    let sides = Sides::of(octant);
+    let mut bundle = Bundle::new(group, sides, axis, rays);
     for ray in each(rays) {
         scratch.pending[ray].len = 0;
     }
@@ -515,16 +518,16 @@ pub(super) fn descend<const OCTANT: usize, const SPHERES: bool, Q: Query>(
         } else if at.reference & LEAF == 0 {
             counters.nodes += u64::from(count);
             let node = tree.node(at.reference);
-            let (some, near, all) = bundle.enters::<OCTANT>(node);
+            let (some, near, all) = bundle.enters(node);
             let near = near.as_array();
-            let order = &ORDER[OCTANT][some as usize];
+            let order = ORDER[octant][some as usize].to_le_bytes();
             let count = some.count_ones() as usize;
             let base = size;
             for place in 0..count {
                 let lane = if place + 1 == count { NEAREST } else { place };
                 let slot = usize::from(order[lane]);
                 let rays = if all >> slot & 1 == 0 {
-                    group.enter_child::<OCTANT>(node, slot, active)
+                    group.enter_child(node, sides, slot, active)
                 } else {
                     active
                 };
@@ -562,6 +565,7 @@ pub(super) fn descend<const OCTANT: usize, const SPHERES: bool, Q: Query>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accel::blocks::LEAF_SIZE;
     use crate::geometry::testing::Rng;
     use crate::math::lanes::iota;
 
@@ -589,12 +593,12 @@ mod tests {
         for round in 0..20_000 {
             let spread = [0.0, 1e-6, 1e-3, 0.1][round % 4];
             let group = group(&mut rng, spread);
-            let bundle = Bundle::new(&group, 2, rays_of(0));
+            let bundle = Bundle::new(&group, Sides::of(0), 2, rays_of(0));
             let ray = round % LANES;
             let [origin, direction] = [&group.origin, &group.direction]
                 .map(|columns| columns.each_ref().map(|column| group.at(column, ray)));
             // About a point of a ray, which lies on an edge or a corner at times.
-            let triangles: [[[f32; 3]; 3]; LANES] = std::array::from_fn(|_| {
+            let triangles: [[[f32; 3]; 3]; LEAF_SIZE] = std::array::from_fn(|_| {
                 let t = 20.0 * rng.uniform();
                 let size = [1e-4, 1e-2, 1.0][round % 3];
                 let mut corner = || {
@@ -610,9 +614,8 @@ mod tests {
                 }
             });
             let rows = [0, 1, 2].map(|k| [0, 1, 2].map(|i| triangles.map(|t| t[i][k])));
-            let slices = rows.each_ref().map(|r| r.each_ref().map(|row| &row[..]));
-            let kept = bundle.cone.meets(&slices, Mask::ALL);
-            for index in 0..LANES {
+            let kept = bundle.cone.meets(|k, corner| f32x8::from(rows[k][corner]));
+            for index in 0..LEAF_SIZE {
                 let corners = rows.map(|rows| rows.map(|row| row[index]));
                 let (hits, _) = group.sheared[0].intersect(&corners, Mask::ALL);
                 assert!(kept.test(index) || hits.none(), "round {round}");

@@ -1,21 +1,21 @@
-//! Traversal of the 8-wide tree by a queue of rays. The rays of an octant of directions share one loop,
-//! compiled for their signs. A few dozen of them are in flight at once, each advanced by one node or one
-//! leaf at a time, so that the latencies of one ray pass while others are computed. No store in these
-//! loops has an address that depends on the outcome of an earlier step: the processor would hold back
-//! every later load until it knew it.
+//! Traversal of the 8-wide tree by a queue of rays, octant by octant of their directions. A few dozen rays are in
+//! flight at once, each advanced by one node or one leaf at a time, so that the latencies of one ray pass while
+//! others are computed. No store in these loops has an address that depends on the outcome of an earlier step:
+//! the processor would hold back every later load until it knew it.
 
 use std::cell::RefCell;
+use std::hint::select_unpredictable;
 use std::ops::Range;
 
-use wide::{f32x8, f32x16};
+use wide::f32x8;
 
-use super::blocks::{Blocks, DONE, LEAF};
+use super::blocks::{Blocks, DONE, LEAF, LEAF_SIZE, Node};
 use super::collapse::WIDTH;
-use super::octant::{NEAREST, OCTANTS, ORDER, permute};
+use super::octant::{OCTANTS, ORDER, nearest, permute};
 use super::packet::{self, GROUP, Group, Rays, each, lanes_of, rays_of};
 use super::{AccelCounters, RayBatch};
 use crate::geometry::PrimitiveId;
-use crate::geometry::slab::{FAR_PADDING, keep_max16};
+use crate::geometry::slab::{FAR_PADDING, keep_max, keep_min};
 use crate::geometry::sphere::sphere_distance;
 use crate::geometry::triangle::ShearRay;
 use crate::math::lanes::{
@@ -26,6 +26,9 @@ use crate::math::vec3::Vec3s;
 
 /// Rays that take turns. Measured on the bunny's bounces: 16 are 15 % slower, 32 are 6 %, 128 the same.
 const IN_FLIGHT: usize = 64;
+
+/// In place of a reference: the flight stays at its leaf. No leaf begins at the last unit of all.
+const MAY_HIT: u32 = u32::MAX;
 
 /// When groups of rays descend together before they go on alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,19 +68,10 @@ pub(super) fn trace<Q: Query>(
     }
     SCRATCH.with_borrow_mut(|scratch| {
         let octants = scratch.prepare(tree, rays, query);
-        macro_rules! trace_octants {
-            ($spheres:literal: $($octant:literal)*) => {
-                $(Traversal::<$octant, $spheres, Q> { tree, packets, rays, query, counters, scratch,
-                    lists: Lists { nodes: List::EMPTY, leaves: List::EMPTY, done: List::EMPTY },
-                    free: std::array::from_fn(|slot| slot as u32), free_len: IN_FLIGHT,
-                    alone: 0, descended: 0 }
-                    .run(octants[$octant]..octants[$octant + 1]);)*
-            };
-        }
         if tree.has_spheres {
-            trace_octants!(true: 0 1 2 3 4 5 6 7);
+            Traversal::<true, Q>::new(tree, packets, rays, query, counters, scratch).run(octants);
         } else {
-            trace_octants!(false: 0 1 2 3 4 5 6 7);
+            Traversal::<false, Q>::new(tree, packets, rays, query, counters, scratch).run(octants);
         }
     });
 }
@@ -90,8 +84,12 @@ thread_local! {
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 struct Flight {
-    /// |1/d| for lower planes and −|1/d| for upper ones, per axis.
-    reciprocal: [f32x16; 3],
+    /// −1/d.
+    reciprocal: [f32; 3],
+    /// Per axis where in a node the near planes are, in bytes.
+    near: [u32; 3],
+    /// Signs of the direction.
+    octant: u32,
     shear: ShearRay,
     /// Closest hit so far, or the end of the ray.
     t: f32,
@@ -106,9 +104,9 @@ struct Flight {
 }
 
 /// Memory of a worker.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Scratch {
-    flights: Vec<Flight>,
+    flights: [Flight; IN_FLIGHT],
     /// Per flight, one after the other: entry distances and references put aside, [`DONE`] first.
     stack_t: Vec<f32>,
     stack: Vec<u32>,
@@ -122,7 +120,32 @@ struct Scratch {
     group: Group,
 }
 
+impl Default for Scratch {
+    fn default() -> Self {
+        Self {
+            flights: [Flight::NONE; IN_FLIGHT],
+            stack_t: Vec::new(),
+            stack: Vec::new(),
+            stride: 0,
+            octant: Vec::new(),
+            order: Vec::new(),
+            packet: packet::Scratch::default(),
+            group: Group::default(),
+        }
+    }
+}
+
 impl Scratch {
+    #[inline(always)]
+    fn flights(&mut self) -> Flights<'_> {
+        Flights {
+            flights: &mut self.flights,
+            stack_t: &mut self.stack_t,
+            stack: &mut self.stack,
+            stride: self.stride,
+        }
+    }
+
     /// Makes room, sorts the rays by octant and finishes those that hit nothing; where each octant begins.
     fn prepare<Q: Query>(
         &mut self,
@@ -136,7 +159,6 @@ impl Scratch {
             self.stack_t.resize(stride * IN_FLIGHT, 0.0);
             self.stack.resize(stride * IN_FLIGHT, DONE);
         }
-        self.flights.resize(IN_FLIGHT, Flight::NONE);
         self.packet.reserve(tree.stack_bound);
         let room = padded(rays.len) + LANES;
         if self.order.len() < room {
@@ -201,7 +223,9 @@ fn octant_of(rays: &RayBatch<'_>, at: usize) -> U32s {
 
 impl Flight {
     const NONE: Self = Self {
-        reciprocal: [f32x16::ZERO; 3],
+        reciprocal: [0.0; 3],
+        near: [0; 3],
+        octant: 0,
         shear: ShearRay::NONE,
         t: 0.0,
         primitive: PrimitiveId::NONE,
@@ -214,13 +238,14 @@ impl Flight {
 
     /// The flight of a ray of the group, at no place yet.
     #[inline(always)]
-    fn new(group: &Group, ray: usize) -> Self {
+    fn new(group: &Group, octant: usize, ray: usize) -> Self {
         let at =
             |columns: &[packet::Column; 3]| columns.each_ref().map(|column| group.at(column, ray));
         let largest = group.at_u32(&group.largest, ray) as usize;
         Self {
-            reciprocal: at(&group.reciprocal)
-                .map(|r| bytemuck::cast([f32x8::splat(r), f32x8::splat(-r)])),
+            reciprocal: at(&group.reciprocal).map(|r| -r),
+            near: Node::NEAR[octant],
+            octant: octant as u32,
             shear: ShearRay::from_parts(at(&group.origin), largest, at(&group.shear)),
             t: group.at(&group.t, ray),
             primitive: group.at_u32(&group.primitive, ray),
@@ -236,6 +261,8 @@ impl Flight {
 struct Lists {
     nodes: List,
     leaves: List,
+    /// Flights at leaves in which they may hit something.
+    hits: List,
     /// Flights whose rays have their answers.
     done: List,
 }
@@ -258,14 +285,25 @@ impl List {
         self.len += mask.count();
     }
 
-    /// Takes all that is in it.
+    /// Moves all that is in it to `flights`; how many.
     #[inline(always)]
-    fn take(&mut self) -> ([u32; IN_FLIGHT + LANES], usize) {
-        (self.flights, std::mem::take(&mut self.len))
+    fn take(&mut self, flights: &mut [u32; IN_FLIGHT + LANES]) -> usize {
+        let count = std::mem::take(&mut self.len);
+        for at in (0..count).step_by(LANES) {
+            store_u32(flights, at, load_u32(&self.flights, at));
+        }
+        count
     }
 }
 
 impl Lists {
+    const EMPTY: Self = Self {
+        nodes: List::EMPTY,
+        leaves: List::EMPTY,
+        hits: List::EMPTY,
+        done: List::EMPTY,
+    };
+
     /// Appends the first `count` of `flights` by the references that they go to `next`.
     #[inline(always)]
     fn distribute(&mut self, flights: &[u32], next: &[u32], count: usize) {
@@ -274,15 +312,17 @@ impl Lists {
             let (flights, next) = (load_u32(flights, at), load_u32(next, at));
             let node = next.lt(U32s::splat(LEAF)) & valid;
             let done = next.eq(U32s::splat(DONE)) & valid;
+            let hit = next.eq(U32s::splat(MAY_HIT)) & valid;
             self.nodes.append(node, flights);
             self.done.append(done, flights);
-            self.leaves.append(valid & !node & !done, flights);
+            self.hits.append(hit, flights);
+            self.leaves.append(valid & !(node | done | hit), flights);
         }
     }
 }
 
-/// Traversal by the rays of one octant.
-struct Traversal<'a, 'b, const OCTANT: usize, const SPHERES: bool, Q> {
+/// Traversal by a batch of rays.
+struct Traversal<'a, 'b, const SPHERES: bool, Q> {
     tree: &'a Blocks,
     packets: Packets,
     rays: &'a RayBatch<'b>,
@@ -293,25 +333,56 @@ struct Traversal<'a, 'b, const OCTANT: usize, const SPHERES: bool, Q> {
     /// Flights without a ray.
     free: [u32; IN_FLIGHT],
     free_len: usize,
+    /// Octant of the rays of the group at hand.
+    octant: usize,
     /// Rays of the group at hand that have yet to take off.
     alone: Rays,
     /// Rays of the group at hand that have descended together.
     descended: Rays,
 }
 
-impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTANT, SPHERES, Q> {
-    /// Traces the rays at these places of the order.
-    fn run(mut self, mut waiting: Range<usize>) {
-        // Where the flights of the list at hand go.
+impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
+    fn new(
+        tree: &'a Blocks,
+        packets: Packets,
+        rays: &'a RayBatch<'b>,
+        query: &'a mut Q,
+        counters: &'a mut AccelCounters,
+        scratch: &'a mut Scratch,
+    ) -> Self {
+        Self {
+            tree,
+            packets,
+            rays,
+            query,
+            counters,
+            scratch,
+            lists: Lists::EMPTY,
+            free: std::array::from_fn(|slot| slot as u32),
+            free_len: IN_FLIGHT,
+            octant: 0,
+            alone: 0,
+            descended: 0,
+        }
+    }
+
+    /// Traces the rays of the order, of which those of each octant begin and end at these places.
+    fn run(mut self, octants: [usize; OCTANTS + 1]) {
+        // The flights of the list at hand, and where they go.
+        let mut flights = [0; IN_FLIGHT + LANES];
         let mut next = [DONE; IN_FLIGHT + LANES];
+        let mut waiting = octants[0];
         loop {
             loop {
                 if self.alone == 0 {
-                    if waiting.is_empty() {
+                    while self.octant < OCTANTS && waiting == octants[self.octant + 1] {
+                        self.octant += 1;
+                    }
+                    if self.octant == OCTANTS {
                         break;
                     }
-                    let group = waiting.start..waiting.end.min(waiting.start + GROUP);
-                    waiting.start = group.end;
+                    let group = waiting..octants[self.octant + 1].min(waiting + GROUP);
+                    waiting = group.end;
                     self.begin(group);
                 } else if self.free_len >= LANES.min(self.alone.count_ones() as usize) {
                     self.take_off();
@@ -322,27 +393,38 @@ impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTAN
             if self.free_len == IN_FLIGHT {
                 break;
             }
-            let (nodes, count) = self.lists.nodes.take();
+            let (tree, rays) = (self.tree, self.rays);
+            let count = self.lists.nodes.take(&mut flights);
             self.counters.nodes += count as u64;
-            for (&slot, next) in nodes[..count].iter().zip(&mut next) {
-                *next = self.visit_node(slot as usize);
-                self.tree.prefetch(*next);
+            let mut all = self.scratch.flights();
+            for (&slot, next) in flights[..count].iter().zip(&mut next) {
+                *next = all.visit_node(tree, slot as usize);
+                tree.prefetch(*next);
             }
-            self.lists.distribute(&nodes, &next, count);
-            let (leaves, count) = self.lists.leaves.take();
-            for (&slot, next) in leaves[..count].iter().zip(&mut next) {
-                *next = self.visit_leaf(slot as usize);
-                self.tree.prefetch(*next);
+            self.lists.distribute(&flights, &next, count);
+            let count = self.lists.leaves.take(&mut flights);
+            let mut all = self.scratch.flights();
+            let tests = &mut self.counters.tests;
+            for (&slot, next) in flights[..count].iter().zip(&mut next) {
+                *next = all.pass_leaf::<SPHERES>(tree, slot as usize, tests);
+                tree.prefetch(*next);
             }
-            self.lists.distribute(&leaves, &next, count);
-            let (done, count) = self.lists.done.take();
-            for &slot in &done[..count] {
+            self.lists.distribute(&flights, &next, count);
+            let count = self.lists.hits.take(&mut flights);
+            let mut all = self.scratch.flights();
+            for (&slot, next) in flights[..count].iter().zip(&mut next) {
+                *next = all.visit_leaf::<SPHERES, Q>(tree, rays, slot as usize);
+                tree.prefetch(*next);
+            }
+            self.lists.distribute(&flights, &next, count);
+            for &slot in &self.lists.done.flights[..self.lists.done.len] {
                 let flight = &self.scratch.flights[slot as usize];
                 self.query
                     .finish(flight.ray as usize, flight.t, flight.primitive);
                 self.free[self.free_len] = slot;
                 self.free_len += 1;
             }
+            self.lists.done.len = 0;
         }
     }
 
@@ -410,9 +492,10 @@ impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTAN
         let together = group.is_coherent(rays)
             || self.packets == Packets::Always && rays.count_ones() as usize <= LANES;
         if together {
-            packet::descend::<OCTANT, SPHERES, Q>(
+            packet::descend::<SPHERES, Q>(
                 self.tree,
                 group,
+                self.octant,
                 axis,
                 rays,
                 &mut self.scratch.packet,
@@ -433,7 +516,7 @@ impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTAN
             }
             self.alone &= !(1 << place);
             let scratch = &mut *self.scratch;
-            let flight = Flight::new(&scratch.group, place);
+            let flight = Flight::new(&scratch.group, self.octant, place);
             let slot = self.free[self.free_len - 1] as usize;
             let base = slot * scratch.stride;
             scratch.stack[base] = DONE;
@@ -473,64 +556,95 @@ impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTAN
             list.len += 1;
         }
     }
+}
 
+/// All that nodes and leaves change.
+struct Flights<'a> {
+    flights: &'a mut [Flight; IN_FLIGHT],
+    stack_t: &'a mut [f32],
+    stack: &'a mut [u32],
+    stride: usize,
+}
+
+impl Flights<'_> {
     /// Visits the node at which a flight is, and gives where it goes.
     #[inline(always)]
-    fn visit_node(&mut self, slot: usize) -> u32 {
-        let flight = &mut self.scratch.flights[slot];
-        let node = self.tree.node(flight.current);
-        let limits = bytemuck::cast([f32x8::splat(0.0), f32x8::splat(-flight.t)]);
+    fn visit_node(&mut self, tree: &Blocks, slot: usize) -> u32 {
+        let flight = &mut self.flights[slot % IN_FLIGHT];
+        let node = tree.node(flight.current);
         let origin = flight.shear.origin();
-        let (mask, near) = entered::<OCTANT>(limits, |axis| {
-            (node.planes[axis] - f32x16::splat(origin[axis])) * flight.reciprocal[axis]
-        });
-        let order = &ORDER[OCTANT][mask as usize];
-        let near = permute(near, order);
+        let (mut first, mut last) = (f32x8::splat(0.0), f32x8::splat(flight.t));
+        // NaN (0·∞) drops out. The roundings are those of `geometry::slab::SlabRay`.
+        for axis in 0..3 {
+            let near = flight.near[axis];
+            let [near, far] = [near, near ^ Node::SIDE].map(|place| {
+                (f32x8::splat(origin[axis]) - node.planes_at(place))
+                    * f32x8::splat(flight.reciprocal[axis])
+            });
+            first = keep_max(near, first);
+            last = keep_min(far, last);
+        }
+        let mask = first.simd_le(last * f32x8::splat(FAR_PADDING)).to_bitmask() & 0xff;
+        let order = ORDER[flight.octant as usize % OCTANTS][mask as usize];
         let children = permute(bytemuck::cast(node.children), order);
-        let children: [u32; WIDTH] = bytemuck::cast(children);
         let top = flight.top as usize;
-        let below = self.scratch.stack[top - 1];
-        let put = |stack: &mut [u32], values: [u32; WIDTH]| {
-            stack[top..top + WIDTH].copy_from_slice(&values);
-        };
-        put(
-            bytemuck::cast_slice_mut(&mut self.scratch.stack_t),
-            bytemuck::cast(near),
-        );
-        put(&mut self.scratch.stack, children);
+        let below = self.stack[top - 1];
+        store8(self.stack_t, top, permute(first, order));
+        store8(bytemuck::cast_slice_mut(self.stack), top, children);
         // The nearest child, or what was put aside last, is taken at once.
         flight.top = (top + mask.count_ones() as usize - 1) as u32;
-        let next = if mask == 0 { below } else { children[NEAREST] };
+        let nearest = node.children[nearest(order)];
+        // No branch: it could not be foretold.
+        let next = select_unpredictable(mask == 0, below, nearest);
         flight.current = next;
         next
     }
 
-    /// Visits the leaf at which a flight is, and gives where it goes.
+    /// Looks whether a flight may hit something in the leaf at which it is: gives [`MAY_HIT`], or where it goes.
     #[inline(always)]
-    fn visit_leaf(&mut self, slot: usize) -> u32 {
-        let flight = &mut self.scratch.flights[slot];
-        let leaf = self.tree.leaf(flight.current);
-        self.counters.tests += (leaf.triangles + leaf.spheres) as u64;
+    fn pass_leaf<const SPHERES: bool>(&mut self, tree: &Blocks, slot: usize, tests: &mut u64) -> u32 {
+        let flight = &mut self.flights[slot % IN_FLIGHT];
+        let leaf = tree.leaf(flight.current);
+        *tests += (leaf.triangles + leaf.spheres) as u64;
+        let row = |axis: usize, corner: usize| leaf.row(axis, corner);
+        let may_hit = flight.shear.may_hit(row, leaf.valid(), flight.t).any();
+        let may_hit = may_hit | (SPHERES && leaf.spheres > 0);
+        let top = flight.top as usize;
+        let below = self.stack[top - 1];
+        flight.top = top as u32 - u32::from(!may_hit);
+        flight.current = select_unpredictable(may_hit, flight.current, below);
+        select_unpredictable(may_hit, MAY_HIT, below)
+    }
+
+    /// Tests the leaf at which a flight is, and gives where it goes.
+    #[inline(always)]
+    fn visit_leaf<const SPHERES: bool, Q: Query>(
+        &mut self,
+        tree: &Blocks,
+        rays: &RayBatch<'_>,
+        slot: usize,
+    ) -> u32 {
+        let flight = &mut self.flights[slot % IN_FLIGHT];
+        let leaf = tree.leaf(flight.current);
         let mut closer = false;
         if !SPHERES || leaf.triangles > 0 {
-            let valid = Mask::first(leaf.triangles);
-            let (hits, t) = flight
-                .shear
-                .intersect_rows(|axis, corner| leaf.row(axis, corner, valid), valid);
-            if hits.any() {
-                let ids = leaf.ids(valid);
-                let hits = hits & !ids.eq(U32s::splat(flight.skip));
-                closer |= flight.take::<Q>(hits, t, ids);
-            }
+            let (hits, t) = flight.shear.intersect_rows(
+                |axis, corner| leaf.row(axis, corner),
+                leaf.valid(),
+                || tree.leaf(flight.current).all_rows(),
+            );
+            closer |= flight.take::<Q>(hits, bytemuck::cast_slice(&[t]), flight.skip, || leaf.ids());
         }
         if SPHERES && leaf.spheres > 0 {
             let ([x, y, z, radius], ids, valid) = leaf.spheres();
             let leaving = ids.eq(U32s::splat(flight.skip));
             let origin = Vec3s::splat(flight.shear.origin());
-            let direction = Vec3s::splat(self.rays.direction.map(|d| d[flight.ray as usize]));
+            let direction = Vec3s::splat(rays.direction.map(|d| d[flight.ray as usize]));
             let t = sphere_distance(Vec3s::new(x, y, z), radius, origin, direction, leaving);
             let hits = t.lt(F32s::splat(f32::INFINITY)) & valid;
-            closer |= flight.take::<Q>(hits, t, ids);
+            closer |= flight.take::<Q>(hits, &t.to_array(), PrimitiveId::NONE, || {
+                std::array::from_fn(|i| ids.as_array()[i])
+            });
         }
         let mut top = flight.top as usize;
         if closer {
@@ -538,66 +652,59 @@ impl<const OCTANT: usize, const SPHERES: bool, Q: Query> Traversal<'_, '_, OCTAN
                 flight.current = DONE;
                 return DONE;
             }
-            let base = slot * self.scratch.stride;
-            let part = base..base + self.scratch.stride;
+            let base = slot * self.stride;
+            let part = base..base + self.stride;
             let limit = flight.t * FAR_PADDING;
-            let t = &mut self.scratch.stack_t[part.clone()];
-            top = base + keep_near(t, &mut self.scratch.stack[part], top - base, limit);
+            let t = &mut self.stack_t[part.clone()];
+            top = base + keep_near(t, &mut self.stack[part], top - base, limit);
         }
         flight.top = top as u32 - 1;
-        flight.current = self.scratch.stack[top - 1];
+        flight.current = self.stack[top - 1];
         flight.current
     }
 }
 
-impl Flight {
-    /// Takes hits where they count; whether one did.
-    #[inline(always)]
-    fn take<Q: Query>(&mut self, hits: Mask, t: F32s, ids: U32s) -> bool {
-        let end = F32s::splat(self.t);
-        if Q::ANY {
-            let hits = hits & t.lt(end) & !ids.eq(U32s::splat(self.target));
-            if let Some(lane) = hits.lanes().next() {
-                self.primitive = ids.as_array()[lane];
-            }
-            return hits.any();
-        }
-        let hits = hits & t.le(end);
-        let (t, ids) = (t.as_array(), ids.as_array());
-        for lane in hits.lanes() {
-            if t[lane] < self.t || (t[lane] == self.t && ids[lane] < self.primitive) {
-                (self.t, self.primitive) = (t[lane], ids[lane]);
-            }
-        }
-        hits.any()
-    }
+/// Writes the eight words from `at` on.
+#[inline(always)]
+fn store8(column: &mut [f32], at: usize, value: f32x8) {
+    let words: &mut [f32; WIDTH] = (&mut column[at..at + WIDTH])
+        .try_into()
+        .expect("a slice of this length");
+    *words = value.to_array();
 }
 
-/// Which of eight children are entered, and where. `t(axis)` are distances of the lower planes, then
-/// those of the upper planes, the ones of far planes negated; `limits` the least of the near ones, then
-/// minus the most of the far ones. The roundings are those of [`crate::geometry::slab::SlabRay`].
-#[inline(always)]
-pub(super) fn entered<const OCTANT: usize>(
-    limits: f32x16,
-    t: impl Fn(usize) -> f32x16,
-) -> (u32, f32x8) {
-    // Along axes that the ray descends, near planes are the upper ones. NaN (0·∞) drops out.
-    let mut up = limits;
-    let mut down = f32x16::splat(f32::NEG_INFINITY);
-    for axis in 0..3 {
-        if OCTANT >> axis & 1 == 0 {
-            up = keep_max16(t(axis), up);
-        } else {
-            down = keep_max16(t(axis), down);
+impl Flight {
+    /// Takes hits of other primitives than `skip` where they count; whether one did.
+    #[inline(always)]
+    fn take<Q: Query>(
+        &mut self,
+        hits: Mask,
+        t: &[f32],
+        skip: u32,
+        ids: impl Fn() -> [u32; LEAF_SIZE],
+    ) -> bool {
+        if hits.none() {
+            return false;
         }
+        let ids = ids();
+        let mut taken = false;
+        for lane in hits.lanes() {
+            let (t, id) = (t[lane], ids[lane]);
+            let counts = if Q::ANY {
+                t < self.t && id != self.target
+            } else {
+                t < self.t || (t == self.t && id < self.primitive)
+            };
+            if counts && id != skip {
+                if !Q::ANY {
+                    self.t = t;
+                }
+                self.primitive = id;
+                taken = true;
+            }
+        }
+        taken
     }
-    if OCTANT != 0 {
-        let [low, high]: [f32x8; 2] = bytemuck::cast(down);
-        up = up.fast_max(bytemuck::cast([high, low]));
-    }
-    let [near, minus_far]: [f32x8; 2] = bytemuck::cast(up);
-    let gap = minus_far.mul_add(f32x8::splat(FAR_PADDING), near);
-    (gap.simd_le(f32x8::splat(0.0)).to_bitmask() & 0xff, near)
 }
 
 /// Keeps the entries of a stack that are no farther than `limit`, in order; their number.

@@ -2,7 +2,7 @@
 //! direction, NaN (0·∞) dropped, the far side padded so that no box is missed by rounding (Ize, "Robust
 //! BVH Ray Traversal", Journal of Computer Graphics Techniques 2(2), 2013).
 
-use wide::{f32x8, f32x16};
+use wide::f32x8;
 
 use crate::math::float::gamma;
 
@@ -130,18 +130,8 @@ impl SlabRay {
 
 /// Larger of both per lane; `kept` where `new` is NaN.
 #[inline(always)]
-fn keep_max(new: f32x8, kept: f32x8) -> f32x8 {
+pub(crate) fn keep_max(new: f32x8, kept: f32x8) -> f32x8 {
     // The x86 instruction gives its second operand when either is NaN; other machines take the other NaN rule.
-    if cfg!(any(target_arch = "x86_64", target_arch = "x86")) {
-        new.fast_max(kept)
-    } else {
-        new.max(kept)
-    }
-}
-
-/// As [`keep_max`], for sixteen lanes.
-#[inline(always)]
-pub(crate) fn keep_max16(new: f32x16, kept: f32x16) -> f32x16 {
     if cfg!(any(target_arch = "x86_64", target_arch = "x86")) {
         new.fast_max(kept)
     } else {
@@ -151,7 +141,7 @@ pub(crate) fn keep_max16(new: f32x16, kept: f32x16) -> f32x16 {
 
 /// Smaller of both per lane; `kept` where `new` is NaN.
 #[inline(always)]
-fn keep_min(new: f32x8, kept: f32x8) -> f32x8 {
+pub(crate) fn keep_min(new: f32x8, kept: f32x8) -> f32x8 {
     if cfg!(any(target_arch = "x86_64", target_arch = "x86")) {
         new.fast_min(kept)
     } else {

@@ -9,7 +9,7 @@
 //! products of two f32 are exact.
 
 use super::{PrimitiveId, Triangle};
-use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s, load};
+use crate::math::lanes::{Compare, F32s, FloatLanes, LANES, Mask, U32s};
 use crate::math::vec3::Vec3s;
 
 /// A ray prepared for triangle tests.
@@ -105,28 +105,60 @@ impl ShearRay {
     /// Lanes of the pack that the ray hits, and their distances, > 0 (undefined in other lanes).
     #[inline]
     pub fn intersect_pack(&self, pack: &TrianglePack) -> (Mask, F32s) {
-        self.intersect_rows(|axis, corner| pack.corners[corner][axis], Mask::ALL)
+        let row = |axis: usize, corner: usize| pack.corners[corner][axis];
+        self.intersect_rows(row, Mask::ALL, || pack.corners)
     }
 
     /// Lanes of `valid` whose triangles the ray hits, and their distances, > 0 (undefined in other
-    /// lanes). `row(axis, corner)` is a coordinate of all the triangles.
+    /// lanes). `row(axis, corner)` is a coordinate of all the triangles; `all`, called rarely, gives all of them, corner
+    /// by corner.
     #[inline(always)]
-    pub fn intersect_rows(&self, row: impl Fn(usize, usize) -> F32s, valid: Mask) -> (Mask, F32s) {
+    pub fn intersect_rows<V: FloatLanes>(
+        &self,
+        row: impl Fn(usize, usize) -> V,
+        valid: Mask,
+        all: impl FnOnce() -> [[V; 3]; 3],
+    ) -> (Mask, V) {
         let corner = |corner| self.project_lanes(&row, corner);
         hits_of_projected([corner(0), corner(1), corner(2)], valid, || {
-            [0, 1, 2].map(|corner| self.project_lanes(&row, corner))
+            let all = all();
+            [0, 1, 2].map(|corner| self.project_lanes(|axis, corner| all[corner][axis], corner))
         })
+    }
+
+    /// Lanes of `valid` whose triangles the ray may hit no later than at `end`: all that [`Self::intersect_rows`]
+    /// gives at such distances, and those that f64 decides. Without branches, for where most triangles are missed.
+    #[inline(always)]
+    pub fn may_hit<V: FloatLanes>(
+        &self,
+        row: impl Fn(usize, usize) -> V,
+        valid: Mask,
+        end: f32,
+    ) -> Mask {
+        let corner = |corner| self.project_lanes(&row, corner);
+        let corners = [corner(0), corner(1), corner(2)];
+        let ([least, most], edges) = edges(corners);
+        let zero = V::splat(0.0);
+        let t = distance(corners, edges);
+        let undecided = Compare::eq(least, zero) | Compare::eq(most, zero);
+        let near = t.gt(zero) & t.le(V::splat(end));
+        (least.ge(zero) | most.le(zero)) & (near | undecided) & valid
     }
 
     /// Images of a corner of many triangles.
     #[inline(always)]
-    fn project_lanes(&self, row: impl Fn(usize, usize) -> F32s, corner: usize) -> [F32s; 3] {
+    fn project_lanes<V: FloatLanes>(
+        &self,
+        row: impl Fn(usize, usize) -> V,
+        corner: usize,
+    ) -> [V; 3] {
         let [kx, ky, kz] = self.axes.map(|axis| axis as usize);
-        let z = row(kz, corner) - F32s::splat(self.origin[kz]);
+        let offset = |axis: usize| row(axis, corner) - V::splat(self.origin[axis]);
+        let z = offset(kz);
         [
-            (row(kx, corner) - F32s::splat(self.origin[kx])) - F32s::splat(self.shear[0]) * z,
-            (row(ky, corner) - F32s::splat(self.origin[ky])) - F32s::splat(self.shear[1]) * z,
-            F32s::splat(self.shear[2]) * z,
+            offset(kx) - V::splat(self.shear[0]) * z,
+            offset(ky) - V::splat(self.shear[1]) * z,
+            V::splat(self.shear[2]) * z,
         ]
     }
 }
@@ -185,52 +217,72 @@ pub fn shear_lanes(direction: Vec3s) -> ([Mask; 3], [F32s; 3]) {
     ([is_x, is_y, is_z], shear)
 }
 
-/// Lanes of `valid` in which the z axis meets the triangle of projected corners, and its distance along
-/// the ray. `again` gives the corners once more where f64 decides: keeping them for that costs every test.
+/// The least and the largest of the three edge functions at the z axis, and all of them. A NaN that gets lost among
+/// them is in the sum of all three, so that the distance is NaN too.
 #[inline(always)]
-fn hits_of_projected(
-    [a, b, c]: [[F32s; 3]; 3],
-    valid: Mask,
-    again: impl FnOnce() -> [[F32s; 3]; 3],
-) -> (Mask, F32s) {
+fn edges<V: FloatLanes>([a, b, c]: [[V; 3]; 3]) -> ([V; 2], [V; 3]) {
     let u = b[0] * c[1] - b[1] * c[0];
     let v = c[0] * a[1] - c[1] * a[0];
     let w = a[0] * b[1] - a[1] * b[0];
-    let zero = F32s::splat(0.0);
-    let positive = u.ge(zero) & v.ge(zero) & w.ge(zero);
-    let negative = u.le(zero) & v.le(zero) & w.le(zero);
-    let candidates = (positive | negative) & valid;
+    let least = u.fast_min(v).fast_min(w);
+    let most = u.fast_max(v).fast_max(w);
+    ([least, most], [u, v, w])
+}
+
+/// Where the z axis meets the planes of triangles, by their projected corners and edge functions.
+#[inline(always)]
+fn distance<V: FloatLanes>([a, b, c]: [[V; 3]; 3], [u, v, w]: [V; 3]) -> V {
+    let scale = V::splat(1.0) / (u + v + w);
+    (u * scale) * a[2] + (v * scale) * b[2] + (w * scale) * c[2]
+}
+
+/// Lanes of `valid` in which the z axis meets the triangle of projected corners, and its distance along
+/// the ray. `again` gives the corners once more where f64 decides: keeping them for that costs every test.
+#[inline(always)]
+fn hits_of_projected<V: FloatLanes>(
+    [a, b, c]: [[V; 3]; 3],
+    valid: Mask,
+    again: impl FnOnce() -> [[V; 3]; 3],
+) -> (Mask, V) {
+    let ([least, most], [u, v, w]) = edges([a, b, c]);
+    let zero = V::splat(0.0);
+    let candidates = (least.ge(zero) | most.le(zero)) & valid;
     if candidates.none() {
         return (Mask::NONE, zero);
     }
-    let scale = F32s::splat(1.0) / (u + v + w);
-    let t = (u * scale) * a[2] + (v * scale) * b[2] + (w * scale) * c[2];
-    let hit = candidates & t.gt(zero) & t.lt(F32s::splat(f32::INFINITY));
+    let t = distance([a, b, c], [u, v, w]);
+    let hit = candidates & t.gt(zero) & t.lt(V::splat(f32::INFINITY));
     let undecided =
         (Compare::eq(u, zero) | Compare::eq(v, zero) | Compare::eq(w, zero)) & candidates;
     if undecided.none() {
         return (hit, t);
     }
     // The answer comes back through memory of its own: `t` stays in a register.
-    let mut distances = t.to_array();
-    let hit = decide_in_f64(hit, &mut distances, undecided, again);
-    (hit, load(&distances, 0))
+    let mut distances = t;
+    let hit = decide_in_f64(
+        hit,
+        bytemuck::cast_slice_mut(std::slice::from_mut(&mut distances)),
+        undecided,
+        again,
+    );
+    (hit, distances)
 }
 
 /// The lanes hit, with the answer of the undecided ones replaced.
 #[cold]
 #[inline(never)]
-fn decide_in_f64(
+fn decide_in_f64<V: FloatLanes>(
     mut hit: Mask,
-    distances: &mut [f32; LANES],
+    distances: &mut [f32],
     undecided: Mask,
-    again: impl FnOnce() -> [[F32s; 3]; 3],
+    again: impl FnOnce() -> [[V; 3]; 3],
 ) -> Mask {
-    let corners = again().map(|corner| corner.map(F32s::to_array));
+    let corners = again();
     for lane in undecided.lanes() {
         let bit = Mask(1 << lane);
-        match intersect_projected_f64(corners.map(|corner| corner.map(|component| component[lane])))
-        {
+        let component = |v: &V| bytemuck::cast_slice::<V, f32>(std::slice::from_ref(v))[lane];
+        let corners = corners.each_ref().map(|corner| corner.each_ref().map(component));
+        match intersect_projected_f64(corners) {
             Some(distance) => {
                 distances[lane] = distance;
                 hit = hit | bit;

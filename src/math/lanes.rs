@@ -1,7 +1,9 @@
 //! The lane types of every kernel: thin names over `wide`, with masks in mask registers where the
 //! build has AVX-512. The lane width is chosen here and nowhere else.
 
-use std::ops::{BitAnd, BitOr, Not};
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
+
+use wide::f32x8;
 
 #[cfg(target_feature = "avx512f")]
 mod width {
@@ -180,6 +182,62 @@ impl Compare for U32s {
         imp::eq_u32(self, rhs)
     }
 }
+
+#[cfg(target_feature = "avx512f")]
+impl Compare for f32x8 {
+    #[inline(always)]
+    fn lt(self, rhs: Self) -> Mask {
+        Mask(self.simd_lt(rhs).to_bitmask() as u16)
+    }
+    #[inline(always)]
+    fn le(self, rhs: Self) -> Mask {
+        Mask(self.simd_le(rhs).to_bitmask() as u16)
+    }
+    #[inline(always)]
+    fn eq(self, rhs: Self) -> Mask {
+        Mask(self.simd_eq(rhs).to_bitmask() as u16)
+    }
+}
+
+/// f32 lanes of a width that kernels are compiled for: [`F32s`], and eight where that is faster.
+pub trait FloatLanes:
+    Compare
+    + bytemuck::Pod
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+{
+    /// The same number in every lane.
+    fn splat(value: f32) -> Self;
+    /// Lane-wise smaller number; either where one is NaN.
+    fn fast_min(self, rhs: Self) -> Self;
+    /// Lane-wise larger number; either where one is NaN.
+    fn fast_max(self, rhs: Self) -> Self;
+}
+
+macro_rules! float_lanes {
+    ($($lanes:ty),*) => {
+        $(impl FloatLanes for $lanes {
+            #[inline(always)]
+            fn splat(value: f32) -> Self {
+                Self::splat(value)
+            }
+            #[inline(always)]
+            fn fast_min(self, rhs: Self) -> Self {
+                self.fast_min(rhs)
+            }
+            #[inline(always)]
+            fn fast_max(self, rhs: Self) -> Self {
+                self.fast_max(rhs)
+            }
+        })*
+    };
+}
+
+float_lanes!(f32x8);
+#[cfg(target_feature = "avx512f")]
+float_lanes!(F32s);
 
 /// The lanes at `column[at .. at + LANES]`.
 ///
