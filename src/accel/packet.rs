@@ -12,10 +12,10 @@ use super::blocks::{Blocks, LEAF, Leaf, Node};
 use super::octant::{NEAREST, ORDER, Sides};
 use super::stream::Query;
 use crate::geometry::PrimitiveId;
-use crate::geometry::slab::{FAR_PADDING, keep_max, keep_min};
+use crate::geometry::slab::FAR_PADDING;
 use crate::geometry::sphere::sphere_distance;
 use crate::geometry::triangle::{ShearRays, shear_lanes};
-use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s};
+use crate::math::lanes::{Compare, F32s, FloatLanes, LANES, Mask, U32s};
 use crate::math::vec3::Vec3s;
 
 /// Most rays of a group.
@@ -409,10 +409,10 @@ impl Bundle {
                 let [a, b] = reciprocal.map(|reciprocal| (planes - origin) * reciprocal);
                 [a.fast_min(b), a.fast_max(b)]
             };
-            least_near = keep_max(bounds(near, first)[0], least_near);
-            most_near = keep_max(bounds(near, last)[1], most_near);
-            most_far = keep_min(bounds(far, last)[1], most_far);
-            least_far = keep_min(bounds(far, first)[0], least_far);
+            least_near = bounds(near, first)[0].keep_max(least_near);
+            most_near = bounds(near, last)[1].keep_max(most_near);
+            most_far = bounds(far, last)[1].keep_min(most_far);
+            least_far = bounds(far, first)[0].keep_min(least_far);
         }
         let padding = f32x8::splat(FAR_PADDING);
         let some = least_near.simd_le(most_far * padding).to_bitmask();

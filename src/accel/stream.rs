@@ -15,11 +15,11 @@ use super::octant::{OCTANTS, ORDER, nearest, permute};
 use super::packet::{self, GROUP, Group, Rays, each, lanes_of, rays_of};
 use super::{AccelCounters, RayBatch};
 use crate::geometry::PrimitiveId;
-use crate::geometry::slab::{FAR_PADDING, keep_max, keep_min};
+use crate::geometry::slab::FAR_PADDING;
 use crate::geometry::sphere::sphere_distance;
 use crate::geometry::triangle::ShearRay;
 use crate::math::lanes::{
-    Compare, F32s, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, iota, load,
+    Compare, F32s, FloatLanes, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, iota, load,
     load_u32, padded, store_u32, to_bits,
 };
 use crate::math::vec3::Vec3s;
@@ -581,8 +581,8 @@ impl Flights<'_> {
                 (f32x8::splat(origin[axis]) - node.planes_at(place))
                     * f32x8::splat(flight.reciprocal[axis])
             });
-            first = keep_max(near, first);
-            last = keep_min(far, last);
+            first = near.keep_max(first);
+            last = far.keep_min(last);
         }
         let mask = first.simd_le(last * f32x8::splat(FAR_PADDING)).to_bitmask() & 0xff;
         let order = ORDER[flight.octant as usize % OCTANTS][mask as usize];

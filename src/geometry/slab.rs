@@ -5,6 +5,7 @@
 use wide::f32x8;
 
 use crate::math::float::gamma;
+use crate::math::lanes::FloatLanes;
 
 /// Factor on the far distance that covers the three roundings of each of two plane distances.
 pub const FAR_PADDING: f32 = 1.0 + 2.0 * gamma(3);
@@ -121,31 +122,10 @@ impl SlabRay {
             let far = (f32x8::from(bounds.planes[1 - side][axis]) - origin)
                 * reciprocal
                 * f32x8::splat(FAR_PADDING);
-            t0 = keep_max(near, t0);
-            t1 = keep_min(far, t1);
+            t0 = near.keep_max(t0);
+            t1 = far.keep_min(t1);
         }
         (t0.simd_le(t1).to_bitmask(), t0)
-    }
-}
-
-/// Larger of both per lane; `kept` where `new` is NaN.
-#[inline(always)]
-pub(crate) fn keep_max(new: f32x8, kept: f32x8) -> f32x8 {
-    // The x86 instruction gives its second operand when either is NaN; other machines take the other NaN rule.
-    if cfg!(any(target_arch = "x86_64", target_arch = "x86")) {
-        new.fast_max(kept)
-    } else {
-        new.max(kept)
-    }
-}
-
-/// Smaller of both per lane; `kept` where `new` is NaN.
-#[inline(always)]
-pub(crate) fn keep_min(new: f32x8, kept: f32x8) -> f32x8 {
-    if cfg!(any(target_arch = "x86_64", target_arch = "x86")) {
-        new.fast_min(kept)
-    } else {
-        new.min(kept)
     }
 }
 

@@ -214,6 +214,10 @@ pub trait FloatLanes:
     fn fast_min(self, rhs: Self) -> Self;
     /// Lane-wise larger number; either where one is NaN.
     fn fast_max(self, rhs: Self) -> Self;
+    /// Lane-wise smaller number; `kept` where `self` is NaN.
+    fn keep_min(self, kept: Self) -> Self;
+    /// Lane-wise larger number; `kept` where `self` is NaN.
+    fn keep_max(self, kept: Self) -> Self;
 }
 
 macro_rules! float_lanes {
@@ -230,6 +234,24 @@ macro_rules! float_lanes {
             #[inline(always)]
             fn fast_max(self, rhs: Self) -> Self {
                 self.fast_max(rhs)
+            }
+            // The x86 instruction gives its second operand when either is NaN; other machines take the other
+            // NaN rule.
+            #[inline(always)]
+            fn keep_min(self, kept: Self) -> Self {
+                if cfg!(any(target_arch = "x86_64", target_arch = "x86")) {
+                    self.fast_min(kept)
+                } else {
+                    self.min(kept)
+                }
+            }
+            #[inline(always)]
+            fn keep_max(self, kept: Self) -> Self {
+                if cfg!(any(target_arch = "x86_64", target_arch = "x86")) {
+                    self.fast_max(kept)
+                } else {
+                    self.max(kept)
+                }
             }
         })*
     };
