@@ -179,12 +179,17 @@ impl<'a> Leaf<'a> {
     /// Row `first + more` of the triangles, anything in lanes without one. The ids are row 0.
     #[inline(always)]
     fn words(&self, first: usize, more: usize) -> f32x8 {
-        #![expect(unsafe_code, reason = "checks of nine rows take as long as their reading")]
+        #![expect(
+            unsafe_code,
+            reason = "checks of nine rows take as long as their reading"
+        )]
         assert!(first + more < TRIANGLE_WORDS);
         // SAFETY: `new` checked that a vector after the last row is within `words`, and so is one within a row.
         unsafe {
             let row = self.words.as_ptr().add(first * self.triangles);
-            row.add(more * self.triangles).cast::<f32x8>().read_unaligned()
+            row.add(more * self.triangles)
+                .cast::<f32x8>()
+                .read_unaligned()
         }
     }
 

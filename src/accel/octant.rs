@@ -20,9 +20,9 @@ impl Sides {
 
     /// The near and the far planes of a node's children.
     #[inline(always)]
-    pub(super) fn planes(self, node: &Node, axis: usize) -> [f32x8; 2] {
+    pub(super) fn planes(self, node: &Node, axis: usize) -> [&f32x8; 2] {
         let near = self.0[axis] & 1;
-        [near, near ^ 1].map(|side| node.planes[axis][side])
+        [&node.planes[axis][near], &node.planes[axis][near ^ 1]]
     }
 }
 
@@ -126,7 +126,11 @@ mod imp {
     #[inline(always)]
     pub(super) fn permute(values: f32x8, order: u64) -> f32x8 {
         let values = values.to_array();
-        f32x8::from(order.to_le_bytes().map(|lane| values[usize::from(lane) % WIDTH]))
+        f32x8::from(
+            order
+                .to_le_bytes()
+                .map(|lane| values[usize::from(lane) % WIDTH]),
+        )
     }
 }
 
@@ -155,6 +159,9 @@ mod tests {
         let values = f32x8::from([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
         let order = [7, 7, 0, 3, 2, 1, 6, 4];
         let expected = order.map(f32::from);
-        assert_eq!(permute(values, u64::from_le_bytes(order)).to_array(), expected);
+        assert_eq!(
+            permute(values, u64::from_le_bytes(order)).to_array(),
+            expected
+        );
     }
 }

@@ -25,7 +25,8 @@ const VECTORS: usize = GROUP / LANES;
 
 /// Up to this many rays of a group leave it where no more than they enter a subtree. With groups of 16 camera
 /// rays of the bunny, 1, 2, 3, 6 gave 27.0, 26.4, 25.5, 23.0 million per CPU second.
-const FEW: u32 = 2;
+const FEW: u32 = 12;
+const FEW_LEAF: u32 = 2;
 
 /// Most subtrees that a ray can have left to it.
 pub(super) const MOST_PENDING: usize = 32;
@@ -150,7 +151,10 @@ impl Group {
         let axis = bytemuck::cast_slice::<U32s, u32>(&self.largest)[rays.trailing_zeros() as usize];
         let like = (0..VECTORS).all(|vector| {
             let others = !self.largest[vector].eq(U32s::splat(axis));
-            let [x, y, z] = self.reciprocal.each_ref().map(|column| column[vector].abs());
+            let [x, y, z] = self
+                .reciprocal
+                .each_ref()
+                .map(|column| column[vector].abs());
             let finite = x.le(most) & y.le(most) & z.le(most);
             (lanes_of(rays, vector) & (others | !finite)).none()
         });
@@ -187,6 +191,10 @@ impl Group {
     /// [`crate::geometry::slab::SlabRay`].
     #[inline(always)]
     fn enter_child(&self, node: &Node, sides: Sides, slot: usize, rays: Rays) -> Rays {
+        let planes = [0, 1, 2].map(|axis| {
+            let [near, far] = sides.planes(node, axis);
+            [near.as_array()[slot], far.as_array()[slot]]
+        });
         let mut all = 0;
         for vector in 0..VECTORS {
             let lanes = lanes_of(rays, vector);
@@ -197,9 +205,8 @@ impl Group {
             for axis in 0..3 {
                 let origin = self.origin[axis][vector];
                 let reciprocal = self.reciprocal[axis][vector];
-                let [near, far] = sides
-                    .planes(node, axis)
-                    .map(|planes| (F32s::splat(planes.as_array()[slot]) - origin) * reciprocal);
+                let [near, far] =
+                    planes[axis].map(|plane| (F32s::splat(plane) - origin) * reciprocal);
                 first = near.fast_max(first);
                 last = (far * F32s::splat(FAR_PADDING)).fast_min(last);
             }
@@ -374,7 +381,11 @@ impl Bundle {
             sides,
             origin: [0, 1, 2].map(|axis| {
                 let [least, most] = origin[axis];
-                if sides.0[axis] == 0 { [most, least] } else { [least, most] }
+                if sides.0[axis] == 0 {
+                    [most, least]
+                } else {
+                    [least, most]
+                }
             }),
             reciprocal: group
                 .reciprocal
@@ -402,7 +413,7 @@ impl Bundle {
         let (mut least_near, mut most_far) = (zero, f32x8::splat(self.end));
         let (mut most_near, mut least_far) = (zero, f32x8::splat(f32::INFINITY));
         for axis in 0..3 {
-            let [near, far] = self.sides.planes(node, axis);
+            let [near, far] = self.sides.planes(node, axis).map(|planes| *planes);
             let reciprocal = self.reciprocal[axis].map(f32x8::splat);
             let [first, last] = self.origin[axis].map(f32x8::splat);
             let bounds = |planes: f32x8, origin: f32x8| {
@@ -507,7 +518,12 @@ pub(super) fn descend<const SPHERES: bool, Q: Query>(
     loop {
         let active = group.beyond(at.rays, at.near);
         let count = active.count_ones();
-        if count <= FEW && most_pending < MOST_PENDING {
+        let few = if at.reference & LEAF == 0 {
+            FEW
+        } else {
+            FEW_LEAF
+        };
+        if count <= few && most_pending < MOST_PENDING {
             for ray in each(active) {
                 let pending = &mut scratch.pending[ray];
                 pending.t[pending.len] = at.near;

@@ -19,8 +19,8 @@ use crate::geometry::slab::FAR_PADDING;
 use crate::geometry::sphere::sphere_distance;
 use crate::geometry::triangle::ShearRay;
 use crate::math::lanes::{
-    Compare, F32s, FloatLanes, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, iota, load,
-    load_u32, padded, store_u32, to_bits,
+    Compare, F32s, FloatLanes, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, iota,
+    load, load_u32, padded, store_u32, to_bits,
 };
 use crate::math::vec3::Vec3s;
 
@@ -602,7 +602,12 @@ impl Flights<'_> {
 
     /// Looks whether a flight may hit something in the leaf at which it is: gives [`MAY_HIT`], or where it goes.
     #[inline(always)]
-    fn pass_leaf<const SPHERES: bool>(&mut self, tree: &Blocks, slot: usize, tests: &mut u64) -> u32 {
+    fn pass_leaf<const SPHERES: bool>(
+        &mut self,
+        tree: &Blocks,
+        slot: usize,
+        tests: &mut u64,
+    ) -> u32 {
         let flight = &mut self.flights[slot % IN_FLIGHT];
         let leaf = tree.leaf(flight.current);
         *tests += (leaf.triangles + leaf.spheres) as u64;
@@ -633,7 +638,8 @@ impl Flights<'_> {
                 leaf.valid(),
                 || tree.leaf(flight.current).all_rows(),
             );
-            closer |= flight.take::<Q>(hits, bytemuck::cast_slice(&[t]), flight.skip, || leaf.ids());
+            closer |=
+                flight.take::<Q>(hits, bytemuck::cast_slice(&[t]), flight.skip, || leaf.ids());
         }
         if SPHERES && leaf.spheres > 0 {
             let ([x, y, z, radius], ids, valid) = leaf.spheres();

@@ -281,7 +281,9 @@ fn decide_in_f64<V: FloatLanes>(
     for lane in undecided.lanes() {
         let bit = Mask(1 << lane);
         let component = |v: &V| bytemuck::cast_slice::<V, f32>(std::slice::from_ref(v))[lane];
-        let corners = corners.each_ref().map(|corner| corner.each_ref().map(component));
+        let corners = corners
+            .each_ref()
+            .map(|corner| corner.each_ref().map(component));
         match intersect_projected_f64(corners) {
             Some(distance) => {
                 distances[lane] = distance;
