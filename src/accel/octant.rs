@@ -107,7 +107,7 @@ mod imp {
 
     use std::arch::x86_64::*;
 
-    use super::{WIDTH, f32x8};
+    use super::f32x8;
 
     #[inline(always)]
     pub(super) fn permute(values: f32x8, order: u64) -> f32x8 {

@@ -135,16 +135,6 @@ mod tests {
     use crate::geometry::testing::Rng;
 
     #[test]
-    fn nan_is_dropped_in_favour_of_the_accumulator() {
-        let nan = f32x8::splat(f32::NAN);
-        let two = f32x8::splat(2.0);
-        assert_eq!(keep_max(nan, two).to_array(), [2.0; 8]);
-        assert_eq!(keep_min(nan, two).to_array(), [2.0; 8]);
-        assert_eq!(keep_max(f32x8::splat(3.0), two).to_array(), [3.0; 8]);
-        assert_eq!(keep_min(f32x8::splat(3.0), two).to_array(), [2.0; 8]);
-    }
-
-    #[test]
     fn eight_boxes_at_once_answer_as_one_at_a_time() {
         let mut rng = Rng(7);
         let specials = [0.0f32, -0.0, 1e-44, -1e-7, 1.0, f32::MIN_POSITIVE];

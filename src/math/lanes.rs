@@ -667,4 +667,21 @@ mod tests {
         assert_eq!((!mask).count(), LANES - 2);
         assert_eq!(Mask::first(LANES + 3), Mask::ALL);
     }
+
+    fn kept<V: FloatLanes>() -> [bool; 4] {
+        let (two, three, nan) = (V::splat(2.0), V::splat(3.0), V::splat(f32::NAN));
+        [
+            (nan.keep_max(two), two),
+            (nan.keep_min(two), two),
+            (three.keep_max(two), three),
+            (three.keep_min(two), two),
+        ]
+        .map(|(value, expected)| Compare::eq(value, expected) == Mask::first(size_of::<V>() / 4))
+    }
+
+    #[test]
+    fn minimum_and_maximum_keep_their_second_operand_where_the_first_is_nan() {
+        assert_eq!(kept::<F32s>(), [true; 4]);
+        assert_eq!(kept::<f32x8>(), [true; 4]);
+    }
 }
