@@ -10,10 +10,12 @@ use crate::error::Result;
 use crate::geometry::{Geometry, PrimitiveId};
 use crate::math::lanes::{Compare, F32s, U32s, gather, gather_u32, store, store_u32};
 
-/// What traversal costs: a second visit of each node adds 7.7 ns to a ray, a leaf of 16 triangles takes 11.5 ns.
+/// What traversal costs: a visit of a node takes 7 ns, one of a leaf 7 to 11 ns (samples of a profile over visits, bounces
+/// of Suzanne and Sponza). Leaves that cost 0.6 to 2 nodes make the bunny's rays neither faster nor slower; of Sponza
+/// at best quality the cheaper ones take 15 % fewer nodes.
 const COSTS: CollapseCosts = CollapseCosts {
     node: 1.0,
-    pack: 1.0,
+    pack: 0.8,
     pack_size: LEAF_SIZE as u32,
     largest_leaf: LEAF_SIZE as u32,
 };
