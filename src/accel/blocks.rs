@@ -60,6 +60,10 @@ pub(super) struct Blocks {
     lines: Vec<f32x16>,
     /// Reference of the root; [`DONE`] without primitives.
     pub(super) root: u32,
+    /// Longest side of the box around all.
+    pub(super) size: f32,
+    /// Primitives in leaves.
+    pub(super) primitives: usize,
     /// Most entries that a traversal puts aside.
     pub(super) stack_bound: usize,
     /// Whether some leaf has spheres.
@@ -73,10 +77,12 @@ impl Blocks {
     /// [`crate::ErrorKind::Limit`] if it takes 32 GiB or more.
     pub(super) fn new(geometry: &Geometry, tree: &WideTree) -> Result<Self> {
         let writer = Writer { geometry, tree };
-        let Some((_, root)) = tree.root else {
+        let Some((bounds, root)) = tree.root else {
             return Ok(Self {
                 lines: Vec::new(),
                 root: DONE,
+                size: 0.0,
+                primitives: 0,
                 stack_bound: WIDTH,
                 has_spheres: false,
             });
@@ -117,6 +123,8 @@ impl Blocks {
         Ok(Self {
             lines,
             root,
+            size: bounds.longest_side(),
+            primitives: tree.order.len(),
             // Each level leaves at most all but one of its children behind.
             stack_bound: tree.depth * (WIDTH - 1) + 1,
             has_spheres: !geometry.spheres.is_empty(),

@@ -34,7 +34,9 @@ const FEW_LEAF: u32 = 2;
 pub(super) const MOST_PENDING: usize = 32;
 
 /// Rays whose directions differ by more than this in some component do not descend in one group.
-const GROUP_SPREAD: f32 = 0.1;
+pub(super) const GROUP_SPREAD: f32 = 0.2;
+/// Neither do those whose origins lie further apart than this share of the tree's longest side.
+const ORIGIN_SPREAD: f32 = 0.2;
 /// As [`GROUP_SPREAD`], for rays of one vector of lanes.
 const VECTOR_SPREAD: f32 = 0.25;
 
@@ -163,18 +165,21 @@ impl Group {
         like.then_some(axis as usize)
     }
 
-    /// Whether the directions of these rays are close enough for a group.
+    /// Whether the directions of these rays are close enough for a group, and their origins in a tree of that size.
     #[inline(always)]
-    pub(super) fn is_coherent(&self, rays: Rays) -> bool {
+    pub(super) fn is_coherent(&self, rays: Rays, size: f32) -> bool {
         let most = if rays.count_ones() as usize > LANES {
             GROUP_SPREAD
         } else {
             VECTOR_SPREAD
         };
-        self.direction.iter().all(|column| {
-            let [low, high] = range(column, rays);
-            high - low <= most
-        })
+        let within = |columns: &[Column; 3], most: f32| {
+            columns.iter().all(|column| {
+                let [low, high] = range(column, rays);
+                high - low <= most
+            })
+        };
+        within(&self.direction, most) && within(&self.origin, ORIGIN_SPREAD * size)
     }
 
     /// Those of these rays that end beyond `near`.

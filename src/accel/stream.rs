@@ -196,8 +196,77 @@ impl Scratch {
         for &ray in &self.order[starts[OCTANTS]..count] {
             query.finish(ray as usize, f32::INFINITY, PrimitiveId::NONE);
         }
+        if Q::ANY && tree.primitives <= ALIKE_MOST {
+            for octant in starts.windows(2) {
+                self.gather_alike(rays, octant[0]..octant[1]);
+            }
+        }
         starts
     }
+}
+
+impl Scratch {
+    /// Where many of the rays at these places of the order have about the same direction, as those towards a small or far
+    /// light have among others, puts them before the others, so that they make groups.
+    #[inline(never)]
+    fn gather_alike(&mut self, rays: &RayBatch<'_>, places: Range<usize>) {
+        let count = places.len();
+        if count < ALIKE_SAMPLE {
+            return;
+        }
+        let len = rays.len;
+        let direction = |ray: U32s| rays.direction.map(|column| gather(&column[..len], ray));
+        // Rays that are spread over all of them.
+        let step = count / (ALIKE_SAMPLE / LANES);
+        let sample: [[F32s; 3]; ALIKE_SAMPLE / LANES] =
+            std::array::from_fn(|k| direction(load_u32(&self.order, places.start + k * step)));
+        let mut best = (0, [0.0; 3]);
+        for vector in &sample {
+            let middle = vector.map(|column| column.as_array()[0]);
+            let alike: usize = sample.iter().map(|d| alike(*d, middle).count()).sum();
+            if alike > best.0 {
+                best = (alike, middle);
+            }
+        }
+        let (alike_count, middle) = best;
+        if !(ALIKE_SAMPLE / 4..ALIKE_SAMPLE * 7 / 8).contains(&alike_count) {
+            return;
+        }
+        let (mut first, mut others) = (places.start, 0);
+        for at in places.clone().step_by(LANES) {
+            let ray = load_u32(&self.order, at);
+            let valid = Mask::first(places.end - at);
+            let like = alike(direction(ray), middle) & valid;
+            compress_u32(&mut self.octant, others, valid & !like, ray);
+            others += (valid & !like).count();
+            // At most what has been read.
+            let mut packed = [0; LANES];
+            compress_u32(&mut packed, 0, like, ray);
+            let count = like.count();
+            self.order[first..first + count].copy_from_slice(&packed[..count]);
+            first += count;
+        }
+        self.order[first..places.end].copy_from_slice(&self.octant[..others]);
+    }
+}
+
+/// Shadow rays towards one light are put together in trees of no more primitives than this. In millions per CPU
+/// second, against leaving them in their order: of Suzanne (968 triangles) 1.17, of the bunny (69 thousand) 0.97,
+/// of Sponza (262 thousand) 1.15, of the dragon (871 thousand) 0.85. The more triangles there are between
+/// neighbouring rays, the sooner groups part.
+const ALIKE_MOST: usize = 500_000;
+
+/// Rays looked at to find out whether many are alike.
+const ALIKE_SAMPLE: usize = 128;
+
+/// Which directions are within a group's spread around `middle`.
+#[inline(always)]
+fn alike(direction: [F32s; 3], middle: [f32; 3]) -> Mask {
+    let near = |k: usize| {
+        let offset = direction[k] - F32s::splat(middle[k]);
+        offset.abs().le(F32s::splat(0.5 * packet::GROUP_SPREAD))
+    };
+    near(0) & near(1) & near(2)
 }
 
 /// The first of these rays, if they follow one another. They are in order.
@@ -489,7 +558,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         let Some(axis) = group.common_axis(rays) else {
             return false;
         };
-        let together = group.is_coherent(rays)
+        let together = group.is_coherent(rays, self.tree.size)
             || self.packets == Packets::Always && rays.count_ones() as usize <= LANES;
         if together {
             packet::descend::<SPHERES, Q>(

@@ -41,6 +41,12 @@ impl Bounds {
         })
     }
 
+    /// Length of the longest side.
+    pub fn longest_side(&self) -> f32 {
+        let sides = [0, 1, 2].map(|k| self.corners[1][k] - self.corners[0][k]);
+        sides.into_iter().fold(0.0, f32::max)
+    }
+
     /// Half of the surface area.
     pub fn half_area(&self) -> f32 {
         let [x, y, z] = [0, 1, 2].map(|k| self.corners[1][k] - self.corners[0][k]);
