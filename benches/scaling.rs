@@ -1,23 +1,20 @@
 //! How the cost of a ray grows with the number of triangles, for incoherent rays over meshes from 10³
-//! triangles on, up to `SCALING_TRIANGLES` (10⁷ unless it is set, 3·10⁷ at most). Times are CPU seconds,
-//! throughput is in rays.
+//! triangles on, up to `SCALING_TRIANGLES` (10⁷ unless it is set, 3·10⁷ at most).
 //!
-//! After the measurements it prints what fits the least times: the exponent k of cost ∝ nᵏ, and for trees the line
+//! All structures over all sizes of a mesh are built first. Then they are run in rounds, `SCALING_ROUNDS` (7) of
+//! them, one after the other in each round, so that what else the machine does meets all of them alike. Costs are CPU
+//! nanoseconds per ray on one thread: the median over the rounds, with the quartiles.
+//!
+//! Last it prints what fits the medians: the exponent k of cost ∝ nᵏ, and for trees the line
 //! cost = a + b·log₂ n, with r², both from 10⁴ triangles on.
-#![allow(missing_docs, reason = "criterion's macros make undocumented items")]
-#![allow(clippy::print_stdout, reason = "prints the fits")]
+#![allow(clippy::print_stdout, reason = "prints the measurements")]
 
 #[path = "support/mesh_scenes.rs"]
 mod mesh_scenes;
 
-use std::time::Duration;
-
-use criterion::{
-    BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main,
-};
 use rayon::ThreadPool;
-use wavepath::accel::{Structure, build};
-use wavepath::report::accels::{RayKind, run};
+use wavepath::accel::{Accel, Structure, build};
+use wavepath::report::accels::{RayKind, RaySet, run};
 
 use mesh_scenes::{MeshScene, is_test, made};
 
@@ -30,19 +27,23 @@ const MOST_SCANNED: usize = 100_000;
 /// Ray–triangle tests in a round of the scan: it gets fewer rays of larger meshes.
 const SCAN_TESTS: usize = 100_000_000;
 
-/// Smallest mesh that counts in a fit: smaller ones are in the first-level cache.
+/// Smallest mesh that counts in a fit of trees: smaller ones are in the first-level cache.
 const LEAST_FITTED: f64 = 1e4;
 
 const MESHES: [&str; 2] = ["terrain", "hairball"];
 const STRUCTURES: [Structure; 3] = [Structure::Linear, Structure::Octree, Structure::Bvh8];
 
+/// A number from the environment, or the one given.
+fn setting(name: &str, otherwise: f64) -> f64 {
+    let value = std::env::var(name).ok();
+    value
+        .and_then(|value| value.parse().ok())
+        .unwrap_or(otherwise)
+}
+
 /// Powers of ten, and their products with √10, up to the largest.
 fn sizes() -> Vec<u32> {
-    let most = std::env::var("SCALING_TRIANGLES")
-        .ok()
-        .and_then(|value| value.parse::<f64>().ok())
-        .unwrap_or(1e7)
-        .min(3e7);
+    let most = setting("SCALING_TRIANGLES", 1e7).min(3e7);
     let most = if is_test() { 3_200.0 } else { most };
     (0..)
         .map(|half_decade| 10f64.powf(3.0 + 0.5 * f64::from(half_decade)))
@@ -51,58 +52,60 @@ fn sizes() -> Vec<u32> {
         .collect()
 }
 
-/// Triangles, and least CPU nanoseconds per ray.
-type Point = (f64, f64);
+/// A structure over one size of a mesh, its rays, and what they have cost.
+struct Candidate {
+    structure: Structure,
+    accel: Box<dyn Accel>,
+    primitives: usize,
+    rays: RaySet,
+    /// CPU nanoseconds per ray in each round.
+    costs: Vec<f64>,
+}
 
-/// Measures one mesh with every structure that has time for it.
-fn measure(
-    criterion: &mut Criterion,
-    pool: &ThreadPool,
-    mesh: &str,
-    triangles: u32,
-) -> Vec<(Structure, Point)> {
+/// Builds what has time for a mesh of this size.
+fn candidates(mesh: &str, triangles: u32) -> Vec<Candidate> {
     let (image, count) = if is_test() {
         ([32, 32], 1_000)
     } else {
-        ([512, 384], 1 << 17)
+        ([512, 384], 1 << 16)
     };
     let scene = MeshScene::new(&made(mesh, triangles), image);
     let sets = scene.rays(count);
     let incoherent = sets.iter().find(|set| set.kind() == RayKind::Diffuse2);
     let incoherent = incoherent.expect("every kind was asked for");
-    let mut group = criterion.benchmark_group("scaling");
-    group
-        .sampling_mode(SamplingMode::Flat)
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(500))
-        .measurement_time(Duration::from_secs(2));
-    let mut points = Vec::new();
-    for structure in STRUCTURES {
-        let primitives = scene.geometry.len();
-        let rays = match structure {
-            Structure::Linear if primitives > MOST_SCANNED => continue,
-            Structure::Linear => incoherent.sample(SCAN_TESTS / primitives),
-            _ => incoherent.sample(count),
-        };
-        let accel = build(structure, &scene.geometry).expect("not too many");
-        let mut least = f64::INFINITY;
-        group.throughput(Throughput::Elements(rays.len() as u64));
-        let id = BenchmarkId::new(format!("{}-{mesh}", structure.name()), primitives);
-        group.bench_function(id, |bencher| {
-            bencher.iter_custom(|rounds| {
-                let seconds = |_| run(pool, &*accel, &rays, BATCH).0.cpu_seconds;
-                let each: Vec<f64> = (0..rounds).map(seconds).collect();
-                least = each.iter().copied().fold(least, f64::min);
-                Duration::from_secs_f64(each.iter().sum())
-            });
-        });
-        points.push((
+    let primitives = scene.geometry.len();
+    let has_time =
+        |structure: &Structure| *structure != Structure::Linear || primitives <= MOST_SCANNED;
+    STRUCTURES
+        .into_iter()
+        .filter(has_time)
+        .map(|structure| Candidate {
             structure,
-            (primitives as f64, 1e9 * least / rays.len() as f64),
-        ));
+            accel: build(structure, &scene.geometry).expect("not too many"),
+            primitives,
+            rays: match structure {
+                Structure::Linear => incoherent.sample(SCAN_TESTS / primitives),
+                _ => incoherent.sample(count),
+            },
+            costs: Vec::new(),
+        })
+        .collect()
+}
+
+impl Candidate {
+    /// Runs all rays once.
+    fn run(&mut self, pool: &ThreadPool) {
+        let (round, _) = run(pool, &*self.accel, &self.rays, BATCH);
+        self.costs
+            .push(1e9 * round.cpu_seconds / self.rays.len() as f64);
     }
-    group.finish();
-    points
+
+    /// Lower quartile, median and upper quartile of the costs.
+    fn quartiles(&self) -> [f64; 3] {
+        let mut costs = self.costs.clone();
+        costs.sort_by(f64::total_cmp);
+        [1, 2, 3].map(|quarter| costs[(costs.len() - 1) * quarter / 4])
+    }
 }
 
 /// Intercept, slope and r² of the line through points by least squares; none through fewer than three.
@@ -117,16 +120,17 @@ fn fit(points: &[(f64, f64)]) -> Option<[f64; 3]> {
     (points.len() >= 3).then(|| [y - slope * x, slope, xy * xy / (xx * yy)])
 }
 
-fn print_fits(mesh: &str, structure: Structure, points: &[Point]) {
+fn print_fits(mesh: &str, structure: Structure, candidates: &[Candidate]) {
     let name = structure.name();
-    for (triangles, cost) in points {
-        println!("{mesh}, {name}: {triangles} triangles, {cost:.1} ns per ray");
+    let mut fitted = Vec::new();
+    for candidate in candidates.iter().filter(|own| own.structure == structure) {
+        let [low, cost, high] = candidate.quartiles();
+        let n = candidate.primitives as f64;
+        println!("{mesh}, {name}: {n} triangles, {cost:.1} ({low:.1}..{high:.1}) ns per ray");
+        if structure == Structure::Linear || n >= LEAST_FITTED {
+            fitted.push((n, cost));
+        }
     }
-    let fitted: Vec<Point> = points
-        .iter()
-        .copied()
-        .filter(|point| structure == Structure::Linear || point.0 >= LEAST_FITTED)
-        .collect();
     let power: Vec<_> = fitted.iter().map(|(n, cost)| (n.ln(), cost.ln())).collect();
     if let Some([_, exponent, r2]) = fit(&power) {
         println!("{mesh}, {name}: cost ~ n^{exponent:.3}, r² = {r2:.3}");
@@ -137,23 +141,32 @@ fn print_fits(mesh: &str, structure: Structure, points: &[Point]) {
     }
 }
 
-fn scaling(criterion: &mut Criterion) {
+fn main() {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build()
         .expect("a thread");
+    let rounds = if is_test() {
+        1
+    } else {
+        setting("SCALING_ROUNDS", 7.0).max(1.0) as usize
+    };
     for mesh in MESHES {
-        let points: Vec<_> = sizes()
+        let mut candidates: Vec<Candidate> = sizes()
             .into_iter()
-            .flat_map(|triangles| measure(criterion, &pool, mesh, triangles))
+            .flat_map(|triangles| candidates(mesh, triangles))
             .collect();
+        // Once to warm up.
+        for round in 0..=rounds {
+            for candidate in &mut candidates {
+                candidate.run(&pool);
+                if round == 0 {
+                    candidate.costs.clear();
+                }
+            }
+        }
         for structure in STRUCTURES {
-            let own = points.iter().filter(|point| point.0 == structure);
-            let own: Vec<Point> = own.map(|point| point.1).collect();
-            print_fits(mesh, structure, &own);
+            print_fits(mesh, structure, &candidates);
         }
     }
 }
-
-criterion_group!(benches, scaling);
-criterion_main!(benches);

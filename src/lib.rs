@@ -190,7 +190,8 @@
 //!   "Robust BVH Ray Traversal", JCGT 2(2), 2013.
 //! - I. Wald, C. Benthin, S. Boulos, "Getting Rid of Packets", RT 2008: wide trees. D. Meister, J.
 //!   Bittner, "Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy Construction", TVCG
-//!   24(3), 2018: the builder in obvhs.
+//!   24(3), 2018, and "Parallel Reinsertion for Bounding Volume Hierarchy Optimization", CGF 37(2),
+//!   2018: how they are built.
 //! - P. Shirley, C. Wang, K. Zimmerman, "Monte Carlo Techniques for Direct Lighting Calculations",
 //!   ACM TOG 15(1), 1996. M. D. Vose, "A Linear Algorithm for Generating Random Numbers with a Given
 //!   Distribution", IEEE TSE 17(9), 1991.

@@ -8,7 +8,7 @@ use super::collapse::{WIDTH, WideChild, WideNode, WideTree};
 use super::huge_pages;
 use crate::error::{Error, Result};
 use crate::geometry::slab::Bounds;
-use crate::geometry::{Geometry, Triangle};
+use crate::geometry::{Geometry, Sphere, Triangle};
 use crate::math::lanes::{F32s, Mask, U32s, load_first};
 
 /// Bit of a reference that says leaf. The other bits are a place in units of [`UNIT`] words.
@@ -100,13 +100,12 @@ impl Blocks {
             return Err(Error::limit("the tree takes more than 32 GiB"));
         }
         // Whole vectors may be read at the last word.
-        let mut lines = Vec::with_capacity(total + 1);
-        huge_pages::advise(&mut lines);
-        lines.resize(total + 1, f32x16::splat(0.0));
+        let mut lines: Vec<f32x16> = huge_pages::zeroed(total + 1);
         let mut rest = &mut *lines;
         let mut regions = Vec::with_capacity(nodes.len());
-        for node in nodes {
-            let (region, others) = rest.split_at_mut(writer.lines(node));
+        for index in 0..nodes.len() {
+            let end = starts.get(index + 1).map_or(total, |&next| next);
+            let (region, others) = rest.split_at_mut(end - starts[index]);
             regions.push(region);
             rest = others;
         }
@@ -263,21 +262,23 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    /// Ids of a leaf's triangles, then those of its spheres.
-    fn ids(&self, first: u32, count: u32) -> [Vec<u32>; 2] {
-        let run = &self.tree.order[first as usize..(first + count) as usize];
-        let triangles = self.geometry.triangles.len() as u32;
-        let (triangles, spheres) = run.iter().partition(|&&id| id < triangles);
-        [triangles, spheres]
+    /// Ids of the primitives of a leaf.
+    fn run(&self, first: u32, count: u32) -> &[u32] {
+        &self.tree.order[first as usize..(first + count) as usize]
+    }
+
+    /// How many of the primitives are spheres.
+    fn spheres(&self, run: &[u32]) -> usize {
+        if self.geometry.spheres.is_empty() {
+            return 0;
+        }
+        let triangles = self.geometry.triangles.len();
+        run.iter().filter(|&&id| id as usize >= triangles).count()
     }
 
     /// Words of a leaf, in whole units.
-    fn leaf_words(&self, first: u32, count: u32) -> usize {
-        let run = &self.tree.order[first as usize..(first + count) as usize];
-        let spheres = run
-            .iter()
-            .filter(|&&id| id as usize >= self.geometry.triangles.len())
-            .count();
+    fn leaf_words(&self, run: &[u32]) -> usize {
+        let spheres = self.spheres(run);
         let words = 1 + (run.len() - spheres) * TRIANGLE_WORDS + spheres * SPHERE_WORDS;
         words.next_multiple_of(UNIT)
     }
@@ -287,7 +288,7 @@ impl Writer<'_> {
         let leaves: usize = node
             .iter()
             .map(|(_, child)| match *child {
-                WideChild::Leaf { first, count } => self.leaf_words(first, count),
+                WideChild::Leaf { first, count } => self.leaf_words(self.run(first, count)),
                 WideChild::Node(_) => 0,
             })
             .sum();
@@ -312,8 +313,9 @@ impl Writer<'_> {
                 WideChild::Node(index) => (starts[index as usize] * LINE / UNIT) as u32,
                 WideChild::Leaf { first, count } => {
                     let at = ((start + NODE_LINES) * LINE + used) / UNIT;
-                    let words = self.leaf_words(first, count);
-                    self.write_leaf(self.ids(first, count), &mut leaves[used..used + words]);
+                    let run = self.run(first, count);
+                    let words = self.leaf_words(run);
+                    self.write_leaf(run, &mut leaves[used..used + words]);
                     used += words;
                     at as u32 | LEAF
                 }
@@ -325,32 +327,34 @@ impl Writer<'_> {
         head[3] = bytemuck::cast([children, [0; WIDTH]]);
     }
 
-    fn write_leaf(&self, [triangles, spheres]: [Vec<u32>; 2], words: &mut [u32]) {
-        let mut at = 0;
-        let mut put = |word: u32| {
-            words[at] = word;
-            at += 1;
-        };
-        put((triangles.len() | spheres.len() << 8) as u32);
-        triangles.iter().copied().for_each(&mut put);
-        for axis in 0..3 {
-            for corner in 0..3 {
-                for &id in &triangles {
-                    let Triangle { corners } = &self.geometry.triangles[id as usize];
-                    put(corners[corner][axis].to_bits());
+    /// Writes the primitives of a leaf, each into its place of every row.
+    fn write_leaf(&self, run: &[u32], words: &mut [u32]) {
+        let triangle_ids = self.geometry.triangles.len();
+        let spheres = self.spheres(run);
+        let triangles = run.len() - spheres;
+        words[0] = (triangles | spheres << 8) as u32;
+        let (triangle_rows, sphere_rows) = words[1..].split_at_mut(TRIANGLE_WORDS * triangles);
+        let (mut triangle, mut sphere) = (0, 0);
+        for &id in run {
+            let id_at = id as usize;
+            if id_at < triangle_ids {
+                let Triangle { corners } = &self.geometry.triangles[id_at];
+                triangle_rows[triangle] = id;
+                for axis in 0..3 {
+                    for corner in 0..3 {
+                        triangle_rows[(1 + 3 * axis + corner) * triangles + triangle] =
+                            corners[corner][axis].to_bits();
+                    }
                 }
-            }
-        }
-        spheres.iter().copied().for_each(&mut put);
-        for row in 0..4 {
-            for &id in &spheres {
-                let sphere = &self.geometry.spheres[id as usize - self.geometry.triangles.len()];
-                let value = if row < 3 {
-                    sphere.center[row]
-                } else {
-                    sphere.radius
-                };
-                put(value.to_bits());
+                triangle += 1;
+            } else {
+                let Sphere { center, radius } = self.geometry.spheres[id_at - triangle_ids];
+                sphere_rows[sphere] = id;
+                let [x, y, z] = center;
+                for (row, value) in (1..).zip([x, y, z, radius]) {
+                    sphere_rows[row * spheres + sphere] = value.to_bits();
+                }
+                sphere += 1;
             }
         }
     }
@@ -373,25 +377,32 @@ fn assign_slots(node: &WideNode) -> [usize; WIDTH] {
                 let offset = middle[k] - center[k];
                 if slot >> k & 1 == 0 { -offset } else { offset }
             };
-            *fit = along(0) + along(1) + along(2);
+            let sum: f32 = along(0) + along(1) + along(2);
+            // Sums beyond f32 speak for no slot.
+            *fit = if sum.is_finite() { sum } else { 0.0 };
         }
     }
+    let mut rows = fits.map(f32x8::from);
     let mut slots = [WIDTH; WIDTH];
-    let mut taken = [false; WIDTH];
-    let count = node.iter().count();
-    for _ in 0..count {
-        let mut best: Option<(f32, usize, usize)> = None;
-        for child in (0..count).filter(|&child| slots[child] == WIDTH) {
-            for slot in (0..WIDTH).filter(|&slot| !taken[slot]) {
-                if best.is_none_or(|(fit, ..)| fits[child][slot] > fit) {
-                    best = Some((fits[child][slot], child, slot));
-                }
-            }
-        }
-        if let Some((_, child, slot)) = best {
-            slots[child] = slot;
-            taken[slot] = true;
-        }
+    // Rows of children that have a slot and columns of slots that are taken fit least.
+    const LEAST: f32x8 = f32x8::splat(f32::NEG_INFINITY);
+    rows[node.iter().count()..].fill(LEAST);
+    for _ in node.iter() {
+        let best = rows.iter().fold(LEAST, |best, row| best.max(*row));
+        let best = f32x8::splat(
+            best.to_array()
+                .into_iter()
+                .fold(f32::NEG_INFINITY, f32::max),
+        );
+        let equal = |row: &f32x8| row.simd_eq(best).to_bitmask();
+        let child = rows.iter().position(|row| equal(row) != 0);
+        let child = child.expect("the best is somewhere");
+        let slot = equal(&rows[child]).trailing_zeros() as usize;
+        slots[child] = slot;
+        rows[child] = LEAST;
+        let mut limits = [f32::INFINITY; WIDTH];
+        limits[slot] = f32::NEG_INFINITY;
+        rows = rows.map(|row| row.min(f32x8::from(limits)));
     }
     slots
 }

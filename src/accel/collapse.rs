@@ -9,9 +9,11 @@ use rayon::prelude::*;
 use wide::f32x8;
 
 use super::build_options::{BuildOptions, BuildPhase};
+use super::huge_pages;
 use super::tree::{self, Node, node_bounds};
 use crate::geometry::Geometry;
 use crate::geometry::slab::Bounds;
+use crate::math::prefetch;
 
 /// Most children of a node.
 pub(super) const WIDTH: usize = 8;
@@ -203,8 +205,8 @@ impl<'a> Choices<'a> {
         let extent = (0..3)
             .map(|k| bounds.corners[1][k] - bounds.corners[0][k])
             .fold(0.0, f32::max);
-        let mut words = Vec::new();
-        words.resize_with(binary.len() / 2, AtomicU32::default);
+        let words = huge_pages::zeroed::<u32>(binary.len() / 2);
+        let words = words.into_iter().map(AtomicU32::new).collect();
         let choices = Self {
             binary,
             costs,
@@ -257,9 +259,13 @@ impl<'a> Choices<'a> {
                     } else if node.is_leaf() {
                         done.push(self.leaf(index));
                     } else if self.is_primitive(first) && self.is_primitive(first + 1) {
-                        let [left, right] = [first, first + 1].map(|child| self.leaf(child));
-                        done.push(self.choose(index, &left, &right));
+                        done.push(self.choose_pair(index));
                     } else {
+                        // The right subtree comes later, and lies elsewhere.
+                        prefetch(
+                            self.binary,
+                            self.binary[first as usize + 1].first_index as usize,
+                        );
                         work.push(Step::Leave(index));
                         work.push(Step::Enter(first + 1));
                         work.push(Step::Enter(first));
@@ -297,19 +303,28 @@ impl<'a> Choices<'a> {
 
     /// Finds and keeps the best choice for each number of slots.
     fn choose(&self, index: u32, left: &Costs, right: &Costs) -> Costs {
-        // Lane s - 1 is for s slots in all, of which the left child takes `taken`.
+        let swapped = left.count > right.count;
+        let (small, large) = if swapped {
+            (right, left)
+        } else {
+            (left, right)
+        };
+        // Lane s - 1 is for s slots in all, of which the smaller child takes `taken`.
         let mut padded = [f32::INFINITY; 2 * WIDTH];
-        padded[WIDTH..].copy_from_slice(&right.slots);
+        padded[WIDTH..].copy_from_slice(&large.slots);
         let mut best = f32x8::splat(f32::INFINITY);
         // One, so that a node is split even where areas are so large that costs are not numbers.
         let mut best_taken = f32x8::splat(1.0);
         // More slots than primitives are of no use.
-        for taken in 1..WIDTH.min(left.count as usize + 1) {
+        for taken in 1..WIDTH.min(small.count as usize + 1) {
             let rest = f32x8::from(&padded[WIDTH - taken..2 * WIDTH - taken]);
-            let cost = f32x8::splat(left.slots[taken - 1]) + rest;
+            let cost = f32x8::splat(small.slots[taken - 1]) + rest;
             let better = cost.simd_lt(best);
             best = better.select(cost, best);
             best_taken = better.select(f32x8::splat(taken as f32), best_taken);
+        }
+        if swapped {
+            best_taken = f32x8::from([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]) - best_taken;
         }
         let (best, taken) = (best.to_array(), best_taken.to_array());
         let (area, count) = (self.area(index), left.count + right.count);
@@ -334,6 +349,31 @@ impl<'a> Choices<'a> {
         }
         self.word(index).store(word, Ordering::Relaxed);
         Costs { slots, count }
+    }
+
+    /// What [`Self::choose`] does for a node of two primitives.
+    fn choose_pair(&self, index: u32) -> Costs {
+        let first = self.binary[index as usize].first_index;
+        let one = self.costs.leaf(1);
+        let apart = self.area(first) * one + self.area(first + 1) * one;
+        let area = self.area(index);
+        let as_node = apart + area * self.costs.node;
+        let as_leaf = if self.costs.largest_leaf >= 2 {
+            area * self.costs.leaf(2)
+        } else {
+            f32::INFINITY
+        };
+        let is_leaf = as_leaf < f32::INFINITY && as_leaf <= as_node;
+        let together = if is_leaf { as_leaf } else { as_node };
+        // With eight slots they are always apart, with more than two never more so.
+        let mut word = 1 << (3 * (WIDTH - 2)) | if is_leaf { LEAF } else { 0 };
+        let mut slots = [together; WIDTH];
+        if apart < together {
+            word |= 1;
+            slots[1..].fill(apart);
+        }
+        self.word(index).store(word, Ordering::Relaxed);
+        Costs { slots, count: 2 }
     }
 
     /// The choices at an inner node.

@@ -1,21 +1,30 @@
-//! Large pages for what is read all over: a traversal of a tree of gigabytes misses the processor's
-//! page tables otherwise at nearly every step.
+//! Large pages for what is large: the system hands them out at a fraction of the cost, and a traversal of a tree
+//! of gigabytes misses the processor's page tables otherwise at nearly every step.
 
-/// Asks the system to put the memory that `vector` has reserved and not yet touched on large pages.
-/// Without effect where the system has none.
-pub(super) fn advise<T>(vector: &mut Vec<T>) {
+use bytemuck::Zeroable;
+
+/// So many zeros. Their memory is on large pages where the system has them, and is touched only when it is
+/// written.
+pub(super) fn zeroed<T: Zeroable>(length: usize) -> Vec<T> {
+    let mut vector = bytemuck::zeroed_vec(length);
+    advise(&mut vector);
+    vector
+}
+
+/// Asks the system to put memory on large pages, what of it is not touched yet. Without effect where the system
+/// has none.
+fn advise<T>(memory: &mut [T]) {
     #[cfg(target_os = "linux")]
     {
         #![expect(unsafe_code, reason = "the system call takes an address")]
-        /// Smaller vectors fit few pages of any size.
-        const LEAST: usize = 1 << 22;
+        /// Less memory fits few pages of any size.
+        const LEAST: usize = 1 << 21;
         const PAGE: usize = 4096;
-        let spare = vector.spare_capacity_mut();
-        let bytes = std::mem::size_of_val(spare);
-        let start = (spare.as_mut_ptr() as usize).next_multiple_of(PAGE);
+        let bytes = std::mem::size_of_val(memory);
+        let start = (memory.as_mut_ptr() as usize).next_multiple_of(PAGE);
         if bytes >= LEAST {
-            // SAFETY: the range lies within memory that this vector owns; the advice changes how the
-            // system maps it, not what it holds. A failure leaves everything as it was.
+            // SAFETY: the range lies within memory that is borrowed; the advice changes how the system maps
+            // it, not what it holds. A failure leaves everything as it was.
             unsafe {
                 libc::madvise(
                     start as *mut libc::c_void,
@@ -26,5 +35,5 @@ pub(super) fn advise<T>(vector: &mut Vec<T>) {
         }
     }
     #[cfg(not(target_os = "linux"))]
-    let _ = vector;
+    let _ = memory;
 }

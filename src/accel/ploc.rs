@@ -7,9 +7,11 @@
 //! whose indices differ in the lowest bits, and a round that hardly merges anything pairs by index.
 
 use rayon::prelude::*;
+use wide::f32x8;
 
+use super::huge_pages;
 use super::tree::Node;
-use crate::math::lanes::{Compare, F32s, LANES, U32s, load, load_u32, store, store_u32};
+use crate::math::lanes::{Compare, F32s, LANES, U32s, load};
 
 /// Largest window.
 pub(super) const MOST_WINDOW: usize = 32;
@@ -24,38 +26,36 @@ const FEW: usize = 1024;
 /// See [`FEW`]. Meshes merge about one in three.
 const LEAST_SHARE: usize = 32;
 
-/// A binary tree.
-#[derive(Debug)]
-pub(super) struct Clustered {
-    pub(super) nodes: Vec<Node>,
-    /// At least the number of levels.
-    pub(super) depth_bound: usize,
-}
-
 /// Merges the leaves, sorted along a space-filling curve, into a binary tree. The children of a node are
 /// neighbours and come after it; the root is node 0.
 ///
-/// `window` neighbours on each side are looked at, up to [`MOST_WINDOW`]. `progress` hears the share of
-/// merges done. The tree does not depend on the number of threads.
-pub(super) fn cluster(leaves: Vec<Node>, window: usize, progress: impl Fn(f64)) -> Clustered {
+/// `scratch` has as many nodes, which are overwritten. `window` neighbours on each side are looked at, up to
+/// [`MOST_WINDOW`]. `progress` hears the share of merges done. The tree does not depend on the number of threads.
+pub(super) fn cluster(
+    leaves: Vec<Node>,
+    scratch: Vec<Node>,
+    window: usize,
+    progress: impl Fn(f64),
+) -> Vec<Node> {
     debug_assert!((1..=MOST_WINDOW).contains(&window));
     let total = leaves.len();
     if total <= 1 {
-        return Clustered {
-            nodes: leaves,
-            depth_bound: 1,
-        };
+        return leaves;
     }
-    let mut nodes: Vec<Node> = bytemuck::zeroed_vec(2 * total - 1);
-    let mut next: Vec<Node> = bytemuck::zeroed_vec(total);
-    let mut partners: Vec<u32> = bytemuck::zeroed_vec(total);
-    let mut current = leaves;
+    let mut nodes: Vec<Node> = huge_pages::zeroed(2 * total - 1);
+    let mut partners: Vec<u32> = huge_pages::zeroed(total);
+    let (mut current, mut next) = (leaves, scratch);
     // Nodes are filled from the back.
     let mut free = nodes.len();
     let mut count = total;
-    let mut depth_bound = 1;
     while count > 1 {
         let (clusters, partners) = (&current[..count], &mut partners[..count]);
+        // Leaves and pairs of them mostly find their partner near by.
+        let window = if count > total / 2 {
+            window.div_ceil(2)
+        } else {
+            window
+        };
         find_partners(clusters, window, partners);
         let mut tallies = tally(partners);
         let mut merged: usize = tallies.iter().map(|tally| tally.merged).sum();
@@ -69,98 +69,110 @@ pub(super) fn cluster(leaves: Vec<Node>, window: usize, progress: impl Fn(f64)) 
         merge(clusters, partners, &tallies, &mut next, pairs, free);
         std::mem::swap(&mut current, &mut next);
         count -= merged;
-        depth_bound += 1;
         progress((total - count) as f64 / (total - 1) as f64);
     }
     nodes[0] = current[0];
-    Clustered { nodes, depth_bound }
+    nodes
 }
 
-/// Columns of the boxes of one chunk and of its surroundings, and the best pair of each so far.
+/// Columns of the boxes of one chunk of clusters and of its surroundings.
 struct Search {
     planes: [[Vec<f32>; 3]; 2],
-    /// Smallest area with a later cluster, then with an earlier one.
-    area: [Vec<f32>; 2],
-    /// Both indices of that pair, xor-ed.
-    pair: [Vec<u32>; 2],
 }
+
+/// Clusters before the chunk of which the columns have room.
+const BEFORE: usize = MOST_WINDOW;
 
 impl Search {
     fn new() -> Self {
-        let length = CHUNK + 3 * MOST_WINDOW + 2 * LANES;
-        let column = || vec![0.0; length];
+        // Neighbours on both sides, and whole vectors to the end.
+        let length = (BEFORE + CHUNK + MOST_WINDOW).next_multiple_of(LANES) + LANES;
+        let column = || vec![f32::INFINITY; length];
         Self {
             planes: [
                 [column(), column(), column()],
                 [column(), column(), column()],
             ],
-            area: [column(), column()],
-            pair: [vec![0; length], vec![0; length]],
         }
     }
 
     /// Writes the best partner of `clusters[begin ..]` for as many as `partners` has.
     fn run(&mut self, clusters: &[Node], window: usize, begin: usize, partners: &mut [u32]) {
-        // The columns begin with the neighbours before the chunk and end with those after it.
+        self.fill(clusters, window, begin, partners.len());
+        for (step, partners) in partners.chunks_mut(LANES).enumerate() {
+            let best = self.best_of(window, begin, step * LANES);
+            partners.copy_from_slice(&best.to_array()[..partners.len()]);
+        }
+    }
+
+    /// Fills the columns such that number [`BEFORE`] is that of `clusters[begin]`. What lies in the window of
+    /// any of the `count` clusters but does not exist is infinitely far away.
+    fn fill(&mut self, clusters: &[Node], window: usize, begin: usize, count: usize) {
         let first = begin - window.min(begin);
-        let end = begin + partners.len();
-        let known = &clusters[first..(end + window).min(clusters.len())];
-        for (at, cluster) in known.iter().enumerate() {
-            let bounds = cluster.aabb();
-            for (columns, corner) in self.planes.iter_mut().zip([bounds.min, bounds.max]) {
-                for (column, value) in columns.iter_mut().zip(corner.to_array()) {
-                    column[at] = value;
+        let end = clusters.len().min(begin + count + window);
+        let known = &clusters[first..end];
+        let at = BEFORE - (begin - first);
+        let (blocks, rest) = known.as_chunks::<8>();
+        for (block, at) in blocks.iter().zip((at..).step_by(8)) {
+            let rows = f32x8::transpose(block.map(bytemuck::cast));
+            for (columns, rows) in self.planes.iter_mut().zip([&rows[..3], &rows[4..7]]) {
+                for (column, values) in columns.iter_mut().zip(rows) {
+                    column[at..at + 8].copy_from_slice(values.as_array());
                 }
             }
         }
-        self.area
-            .iter_mut()
-            .for_each(|area| area.fill(f32::INFINITY));
-        self.pair.iter_mut().for_each(|pair| pair.fill(u32::MAX));
-        for distance in 1..=window {
-            for lower in (0..end - first).step_by(LANES) {
-                self.compare(first, lower, distance, known.len());
+        let end = at + known.len();
+        for (side, columns) in self.planes.iter_mut().enumerate() {
+            for (axis, column) in columns.iter_mut().enumerate() {
+                for (node, at) in rest.iter().zip(end - rest.len()..) {
+                    column[at] = [node.min, node.max][side][axis];
+                }
+                column[BEFORE - window..at].fill(f32::INFINITY);
+                column[end..BEFORE + count + window].fill(f32::INFINITY);
             }
-        }
-        for (at, partner) in partners.iter_mut().enumerate() {
-            let (at, index) = (begin - first + at, (begin + at) as u32);
-            let [later, earlier] = [0, 1].map(|side| (self.area[side][at], self.pair[side][at]));
-            let (_, pair) = if later < earlier { later } else { earlier };
-            // Boxes so large that their areas are not numbers have no best partner.
-            *partner = if pair == u32::MAX {
-                index
-            } else {
-                index ^ pair
-            };
         }
     }
 
-    /// Compares the clusters from `lower` on with those `distance` later, of `known` in the columns.
+    /// The best partners of the clusters from number `begin` + `at` on.
     #[inline(always)]
-    fn compare(&mut self, first: usize, lower: usize, distance: usize, known: usize) {
-        let upper = lower + distance;
-        let [x, y, z] = [0, 1, 2].map(|axis| {
-            let [low, high] = &self.planes;
-            load(&high[axis], lower).fast_max(load(&high[axis], upper))
-                - load(&low[axis], lower).fast_min(load(&low[axis], upper))
-        });
-        let area = (x + y) * z + x * y;
-        let lower_index = crate::math::lanes::iota() + U32s::splat((first + lower) as u32);
-        let upper_index = lower_index + U32s::splat(distance as u32);
-        let exists = upper_index.lt(U32s::splat((first + known) as u32));
-        let pair = lower_index ^ upper_index;
-        for (side, at) in [lower, upper].into_iter().enumerate() {
-            let best_area: F32s = load(&self.area[side], at);
-            let best_pair = load_u32(&self.pair[side], at);
-            let better = area.lt(best_area) | (area.eq(best_area) & pair.lt(best_pair));
-            let better = better & exists;
-            store(&mut self.area[side], at, better.select(area, best_area));
-            store_u32(&mut self.pair[side], at, better.select_u32(pair, best_pair));
+    fn best_of(&self, window: usize, begin: usize, at: usize) -> U32s {
+        let own = self.boxes(BEFORE + at);
+        let index = crate::math::lanes::iota() + U32s::splat((begin + at) as u32);
+        // Areas beyond that are as good as none.
+        let mut best_area = F32s::splat(f32::MAX);
+        // Both indices of the best pair, xor-ed; a cluster without any is its own partner.
+        let mut best_pair = U32s::splat(0);
+        for distance in 1..=window {
+            let earlier = (
+                self.boxes(BEFORE + at - distance),
+                index - U32s::splat(distance as u32),
+            );
+            let later = (
+                self.boxes(BEFORE + at + distance),
+                index + U32s::splat(distance as u32),
+            );
+            for (other, other_index) in [earlier, later] {
+                let [x, y, z] = [0, 1, 2].map(|axis| {
+                    own[1][axis].fast_max(other[1][axis]) - own[0][axis].fast_min(other[0][axis])
+                });
+                let area = (x + y) * z + x * y;
+                let pair = index ^ other_index;
+                let better = area.lt(best_area) | (area.eq(best_area) & pair.lt(best_pair));
+                best_area = better.select(area, best_area);
+                best_pair = better.select_u32(pair, best_pair);
+            }
         }
+        index ^ best_pair
+    }
+
+    /// Lower and upper planes of the boxes in the columns from `at` on.
+    #[inline(always)]
+    fn boxes(&self, at: usize) -> [[F32s; 3]; 2] {
+        [0, 1].map(|side| [0, 1, 2].map(|axis| load(&self.planes[side][axis], at)))
     }
 }
 
-/// Writes the index of the best partner of each cluster.
+/// Writes the index of the best partner of each cluster; a cluster that has none is its own.
 fn find_partners(clusters: &[Node], window: usize, partners: &mut [u32]) {
     partners.par_chunks_mut(CHUNK).enumerate().for_each_init(
         Search::new,
@@ -178,11 +190,11 @@ fn pair_by_index(partners: &mut [u32]) {
     }
 }
 
-/// Whether the cluster has the partner that has it.
+/// Whether the cluster has the partner that has it, and that is another one.
 #[inline(always)]
 fn is_mutual(partners: &[u32], index: usize) -> bool {
     let partner = partners[index] as usize;
-    partner != index && partners[partner] as usize == index
+    (partner != index) & (partners[partner] as usize == index)
 }
 
 /// What becomes of a chunk of clusters.
@@ -193,6 +205,7 @@ struct Tally {
     remaining: usize,
 }
 
+/// Counts without branches, which would be taken as if at random.
 fn tally(partners: &[u32]) -> Vec<Tally> {
     let chunks = partners.len().div_ceil(CHUNK);
     (0..chunks)
@@ -203,13 +216,12 @@ fn tally(partners: &[u32]) -> Vec<Tally> {
                 merged: 0,
                 remaining: range.len(),
             };
-            for index in range.filter(|&index| is_mutual(partners, index)) {
-                if partners[index] as usize > index {
-                    tally.merged += 1;
-                } else {
-                    // The first of the pair goes on, maybe in another chunk.
-                    tally.remaining -= 1;
-                }
+            for index in range {
+                let mutual = is_mutual(partners, index);
+                let is_first = partners[index] as usize > index;
+                tally.merged += usize::from(mutual & is_first);
+                // The first of the pair goes on, maybe in another chunk.
+                tally.remaining -= usize::from(mutual & !is_first);
             }
             tally
         })
@@ -241,24 +253,37 @@ fn merge(
     tasks
         .into_par_iter()
         .for_each(|(range, output, pairs, first)| {
-            let mut output = output.iter_mut();
-            let mut pairs = pairs.chunks_exact_mut(2).zip((first..).step_by(2));
+            let pairs = pairs.as_chunks_mut::<2>().0;
+            let (mut made, mut gone_on) = (0, 0);
+            // Everything is written as if it was merged and went on, and overwritten by the next if not: what
+            // becomes of a cluster is no branch, which would be taken as if at random.
             for index in range {
-                let mut cluster = clusters[index];
-                if is_mutual(partners, index) {
-                    let partner = partners[index] as usize;
-                    if partner < index {
-                        continue;
-                    }
-                    if let Some((pair, place)) = pairs.next() {
-                        pair.copy_from_slice(&[cluster, clusters[partner]]);
-                        let bounds = cluster.aabb().union(clusters[partner].aabb());
-                        cluster = Node::new(bounds, 0, place as u32);
-                    }
+                let cluster = clusters[index];
+                let mutual = is_mutual(partners, index);
+                let partner = if mutual {
+                    partners[index] as usize
+                } else {
+                    index
+                };
+                let is_first = partner > index;
+                let other = clusters[partner];
+                if let Some(pair) = pairs.get_mut(made) {
+                    *pair = [cluster, other];
                 }
-                if let Some(place) = output.next() {
-                    *place = cluster;
+                if let Some(place) = output.get_mut(gone_on) {
+                    let pair_index = (first + 2 * made) as u32;
+                    *place = Node::new(
+                        cluster.aabb().union(other.aabb()),
+                        if is_first { 0 } else { cluster.prim_count },
+                        if is_first {
+                            pair_index
+                        } else {
+                            cluster.first_index
+                        },
+                    );
                 }
+                made += usize::from(is_first);
+                gone_on += usize::from(partner >= index);
             }
         });
 }
@@ -278,10 +303,11 @@ mod tests {
             })
             .collect();
         let count = leaves.len();
-        let tree = cluster(leaves, 8, |_| ());
-        let mut levels = vec![1; tree.nodes.len()];
+        let scratch = leaves.clone();
+        let tree = cluster(leaves, scratch, 8, |_| ());
+        let mut levels = vec![1; tree.len()];
         let mut seen = vec![false; count];
-        for (index, node) in tree.nodes.iter().enumerate() {
+        for (index, node) in tree.iter().enumerate() {
             let first = node.first_index as usize;
             if node.is_leaf() {
                 assert!(!seen[first]);
@@ -290,14 +316,12 @@ mod tests {
                 assert!(first > index);
                 levels[first] = levels[index] + 1;
                 levels[first + 1] = levels[index] + 1;
-                let [a, b] = [0, 1].map(|side| *tree.nodes[first + side].aabb());
+                let [a, b] = [0, 1].map(|side| *tree[first + side].aabb());
                 assert_eq!(*node.aabb(), a.union(&b));
             }
         }
         assert!(seen.into_iter().all(|seen| seen));
-        let depth = levels.into_iter().max().unwrap_or(0);
-        assert!(depth <= tree.depth_bound);
-        depth
+        levels.into_iter().max().unwrap_or(0)
     }
 
     #[test]

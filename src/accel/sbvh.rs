@@ -8,7 +8,6 @@ use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::clip::halves;
-use super::ploc::Clustered;
 use super::tree::Node;
 use crate::geometry::{Geometry, Triangle};
 
@@ -48,13 +47,10 @@ pub(super) fn build(
     references: Vec<Node>,
     limit: usize,
     progress: impl Fn(f64),
-) -> Clustered {
+) -> Vec<Node> {
     let total = references.len();
     if total <= 1 {
-        return Clustered {
-            nodes: references,
-            depth_bound: 1,
-        };
+        return references;
     }
     let builder = Builder::new(geometry, &references);
     let budget = ((SHARE * total as f64) as usize).min(limit.saturating_sub(total));
@@ -88,7 +84,6 @@ pub(super) fn build(
             }
         }
     }
-    let mut depth_bound = 1;
     let subtrees = small.len();
     while !small.is_empty() {
         let group = small.split_off(small.len().saturating_sub(GROUP));
@@ -96,16 +91,12 @@ pub(super) fn build(
             .into_par_iter()
             .map(|tree| (tree.node, builder.finish(tree)))
             .collect();
-        for (node, (part, depth)) in built {
+        for (node, part) in built {
             place(&mut nodes, node, &part);
-            depth_bound = depth_bound.max(depth);
         }
         progress((subtrees - small.len()) as f64 / subtrees as f64);
     }
-    Clustered {
-        nodes: by_level(&nodes),
-        depth_bound,
-    }
+    by_level(&nodes)
 }
 
 /// Adds a subtree: its first node at `node`, the others at the end.
@@ -208,8 +199,8 @@ impl<'a> Builder<'a> {
         )
     }
 
-    /// The nodes of a subtree, and the levels down to its lowest one. Without recursion.
-    fn finish(&self, tree: Subtree) -> (Vec<Node>, usize) {
+    /// The nodes of a subtree. Without recursion.
+    fn finish(&self, tree: Subtree) -> Vec<Node> {
         struct Work {
             node: usize,
             /// It has so many of the last references.
@@ -219,7 +210,6 @@ impl<'a> Builder<'a> {
         }
         let mut references = tree.references;
         let mut nodes = vec![Node::default()];
-        let mut deepest = tree.depth;
         let mut work = vec![Work {
             node: 0,
             count: references.len(),
@@ -233,7 +223,6 @@ impl<'a> Builder<'a> {
             depth,
         }) = work.pop()
         {
-            deepest = deepest.max(depth);
             let begin = references.len() - count;
             if count == 1 {
                 nodes[node] = references[begin];
@@ -255,7 +244,7 @@ impl<'a> Builder<'a> {
                 });
             }
         }
-        (nodes, deepest)
+        nodes
     }
 
     /// Brings the references from `begin` on, at least two, into an order in which those of the left child come
@@ -700,7 +689,7 @@ mod tests {
     use crate::geometry::testing::{Rng, cube, lat_long_sphere};
 
     /// The tree of primitives before any other improvement, of at most so many leaves.
-    fn tree_of(geometry: &Geometry, limit: usize) -> Clustered {
+    fn tree_of(geometry: &Geometry, limit: usize) -> Vec<Node> {
         let references = (0..geometry.len() as u32)
             .map(|id| tree::primitive_box(geometry, id))
             .collect();
@@ -726,23 +715,30 @@ mod tests {
         }
     }
 
-    /// Boxes of the leaves by primitive. Checks that boxes are exact and depth is bounded.
-    fn leaves(tree: &Clustered, primitives: usize) -> Vec<Vec<Aabb>> {
+    /// Levels of the tree.
+    fn depth(tree: &[Node]) -> usize {
+        let mut levels = vec![1; tree.len()];
+        for (at, node) in tree.iter().enumerate().filter(|(_, node)| !node.is_leaf()) {
+            let first = node.first_index as usize;
+            let level = levels[at] + 1;
+            levels[first..first + 2].fill(level);
+        }
+        levels.into_iter().max().unwrap_or(0)
+    }
+
+    /// Boxes of the leaves by primitive. Checks that boxes are exact.
+    fn leaves(tree: &[Node], primitives: usize) -> Vec<Vec<Aabb>> {
         let mut leaves = vec![Vec::new(); primitives];
-        let mut levels = vec![1; tree.nodes.len()];
-        for (at, node) in tree.nodes.iter().enumerate() {
+        for (at, node) in tree.iter().enumerate() {
             let first = node.first_index as usize;
             if node.is_leaf() {
                 leaves[first].push(own_box(node));
                 continue;
             }
             assert!(first > at && first % 2 == 1);
-            let [left, right] = [first, first + 1].map(|child| own_box(&tree.nodes[child]));
+            let [left, right] = [first, first + 1].map(|child| own_box(&tree[child]));
             assert_eq!(own_box(node), left.union(&right));
-            levels[first] = levels[at] + 1;
-            levels[first + 1] = levels[at] + 1;
         }
-        assert_eq!(levels.into_iter().max(), Some(tree.depth_bound));
         leaves
     }
 
@@ -774,9 +770,9 @@ mod tests {
         let whole = tree_of(&geometry, 2_000);
         assert!(leaves(&whole, 2_000).iter().all(|boxes| boxes.len() == 1));
         let few = tree_of(&geometry, 2_100);
-        assert!(few.nodes.len().div_ceil(2) <= 2_100);
+        assert!(few.len().div_ceil(2) <= 2_100);
         let most = tree_of(&geometry, usize::MAX);
-        assert!(most.nodes.len().div_ceil(2) <= 2_600);
+        assert!(most.len().div_ceil(2) <= 2_600);
     }
 
     #[test]
@@ -809,7 +805,7 @@ mod tests {
             triangles: vec![triangle(1.0); 50_000],
             ..Geometry::default()
         };
-        assert_eq!(tree_of(&same, usize::MAX).depth_bound, 17);
+        assert_eq!(depth(&tree_of(&same, usize::MAX)), 17);
         let shrinking = Geometry {
             triangles: (0..2_000)
                 .map(|k| triangle(2f32.powf(-(k as f32) / 16.0)))
@@ -818,11 +814,8 @@ mod tests {
         };
         let tree = tree_of(&shrinking, usize::MAX);
         leaves(&tree, 2_000);
-        assert!(
-            tree.depth_bound <= MOST_SEARCHED + 12,
-            "{}",
-            tree.depth_bound
-        );
+        let depth = depth(&tree);
+        assert!(depth <= MOST_SEARCHED + 12, "{depth}");
     }
 
     #[test]

@@ -1,13 +1,12 @@
 //! The binary tree behind all hierarchies: clusters merged along a Morton curve, or at best quality splits of
-//! objects and of space from the top, then improved by obvhs's parallel reinsertion (Meister and Bittner, "Parallel Reinsertion for Bounding Volume Hierarchy
-//! Optimization", 2018). Nothing of obvhs traverses it.
+//! objects and of space from the top, then improved by reinsertion.
 
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::build_options::{BuildOptions, BuildPhase};
-use super::{morton, ploc, reinsertion, sbvh};
+use super::{huge_pages, morton, ploc, reinsertion, sbvh};
 use crate::geometry::slab::Bounds;
 use crate::geometry::{Geometry, Sphere, Triangle};
 
@@ -25,9 +24,12 @@ pub(super) fn build(geometry: &Geometry, options: &BuildOptions<'_>) -> Vec<Node
     let preset = options.quality.preset();
     options.report(BuildPhase::Sort, 0.0);
     let tree = if let Some(window) = preset.window {
-        let leaves = morton::sorted(geometry.len(), |id| primitive_box(geometry, id));
+        let mut scratch = huge_pages::zeroed(geometry.len());
+        let leaves = morton::sorted(geometry.len(), &mut scratch, |id| {
+            primitive_box(geometry, id)
+        });
         options.report(BuildPhase::Sort, 1.0);
-        ploc::cluster(leaves, window, |share| {
+        ploc::cluster(leaves, scratch, window, |share| {
             options.report(BuildPhase::Cluster, share);
         })
     } else {

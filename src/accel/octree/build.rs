@@ -3,6 +3,9 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
+use super::super::tree::{node_bounds, primitive_box};
 use super::leaves::Leaves;
 use super::{Child, MAX_DEPTH, Node, Octree};
 use crate::geometry::Geometry;
@@ -60,6 +63,113 @@ fn centroid(bounds: &Bounds) -> [f32; 3] {
     [0, 1, 2].map(|k| 0.5 * low[k] + 0.5 * high[k])
 }
 
+/// Cells of more primitives are divided in parallel, if there are several threads.
+const TASK: usize = 4096;
+
+pub(super) fn build(geometry: &Geometry) -> Octree {
+    let bounds: Vec<Bounds> = (0..geometry.len() as u32)
+        .into_par_iter()
+        .map(|id| node_bounds(&primitive_box(geometry, id)))
+        .collect();
+    if bounds.is_empty() {
+        return Octree {
+            nodes: Vec::new(),
+            leaves: Leaves::new(),
+            root: None,
+        };
+    }
+    let whole = bounds
+        .par_iter()
+        .copied()
+        .reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
+    let grower = Grower {
+        geometry,
+        bounds: &bounds,
+        // Parts of the tree are copied once, which one thread can do without.
+        task: if rayon::current_num_threads() > 1 {
+            TASK
+        } else {
+            usize::MAX
+        },
+    };
+    let mut order: Vec<u32> = (0..bounds.len() as u32).collect();
+    match grower.grow(Cell::around(&whole), 0, &mut order) {
+        Tree::Part(octree) => octree,
+        tree => tree.join(),
+    }
+}
+
+/// Part of an octree.
+#[derive(Debug)]
+enum Tree {
+    /// With its own numbers of nodes and leaves.
+    Part(Octree),
+    /// A node over further parts, each with its place, in ascending order.
+    Node(Bounds8, Vec<(usize, Tree)>),
+}
+
+impl Tree {
+    /// Copies all parts into one, every node before its children and those in the order of their places.
+    fn join(self) -> Octree {
+        let mut octree = Octree {
+            nodes: Vec::new(),
+            leaves: Leaves::new(),
+            root: None,
+        };
+        // With the node and place where they hang; `None` for the root.
+        let mut work: Vec<(Tree, Option<(usize, usize)>)> = vec![(self, None)];
+        while let Some((tree, parent)) = work.pop() {
+            let first = octree.nodes.len();
+            let child = match tree {
+                Self::Part(part) => {
+                    let first_leaf = octree.leaves.len();
+                    let moved = |child: Child| {
+                        if child.is_leaf() {
+                            Child::leaf(child.index() + first_leaf)
+                        } else if child == Child::default() {
+                            // The root is nobody's child: there is nothing in this place.
+                            child
+                        } else {
+                            Child::node(child.index() + first)
+                        }
+                    };
+                    octree.nodes.extend(part.nodes.iter().map(|node| Node {
+                        bounds: node.bounds,
+                        children: node.children.map(moved),
+                    }));
+                    octree.leaves.append(part.leaves);
+                    part.root.map(|root| match root {
+                        root if root.is_leaf() => moved(root),
+                        _ => Child::node(first),
+                    })
+                }
+                Self::Node(bounds, children) => {
+                    octree.nodes.push(Node {
+                        bounds,
+                        children: [Child::default(); 8],
+                    });
+                    let children = children.into_iter().rev();
+                    work.extend(children.map(|(place, tree)| (tree, Some((first, place)))));
+                    Some(Child::node(first))
+                }
+            };
+            match (parent, child) {
+                (Some((node, place)), Some(child)) => octree.nodes[node].children[place] = child,
+                _ => octree.root = child,
+            }
+        }
+        octree
+    }
+}
+
+/// What the tree is made of.
+struct Grower<'a> {
+    geometry: &'a Geometry,
+    bounds: &'a [Bounds],
+    /// See [`TASK`].
+    task: usize,
+}
+
 /// A cell that waits to be divided, or to become a leaf.
 #[derive(Debug)]
 struct Pending {
@@ -72,59 +182,80 @@ struct Pending {
     parent: Option<(usize, usize)>,
 }
 
-pub(super) fn build(geometry: &Geometry) -> Octree {
-    let bounds: Vec<Bounds> = geometry.bounds().collect();
-    let mut octree = Octree {
-        nodes: Vec::new(),
-        leaves: Leaves::new(),
-        root: None,
-    };
-    if bounds.is_empty() {
-        return octree;
-    }
-    let whole = bounds
-        .iter()
-        .fold(Bounds::EMPTY, |whole, bounds| whole.union(bounds));
-    let mut order: Vec<u32> = (0..bounds.len() as u32).collect();
-    let mut sorted = Vec::new();
-    let mut work = vec![Pending {
-        cell: Cell::around(&whole),
-        range: 0..order.len(),
-        depth: 0,
-        parent: None,
-    }];
-    while let Some(mut pending) = work.pop() {
-        let ids = &mut order[pending.range.clone()];
-        let child = match divide(&mut pending, ids, &bounds, &mut sorted) {
-            None => Child::leaf(octree.leaves.push(geometry, ids)),
-            Some(parts) => {
-                let node = octree.nodes.len();
-                octree.nodes.push(Node {
-                    bounds: Bounds8::new(&parts.bounds),
-                    children: [Child::default(); 8],
-                });
-                let mut end = pending.range.end;
-                for place in (0..8).rev() {
-                    let range = end - parts.count[place]..end;
-                    end = range.start;
-                    if !range.is_empty() {
-                        work.push(Pending {
-                            cell: pending.cell.child(place),
-                            range,
-                            depth: pending.depth + 1,
-                            parent: Some((node, place)),
-                        });
-                    }
-                }
-                Child::node(node)
-            }
+impl Grower<'_> {
+    /// The tree in a cell that was halved `depth` times, over these primitives.
+    fn grow(&self, cell: Cell, depth: usize, order: &mut [u32]) -> Tree {
+        let mut pending = Pending {
+            cell,
+            range: 0..order.len(),
+            depth,
+            parent: None,
         };
-        match pending.parent {
-            Some((node, place)) => octree.nodes[node].children[place] = child,
-            None => octree.root = Some(child),
+        if order.len() <= self.task {
+            return Tree::Part(self.grow_alone(pending, order));
         }
+        let Some(parts) = divide(&mut pending, order, self.bounds, &mut Vec::new()) else {
+            return Tree::Part(self.grow_alone(pending, order));
+        };
+        let mut children = Vec::with_capacity(8);
+        let mut rest = order;
+        for (place, &count) in parts.count.iter().enumerate() {
+            let (own, others) = rest.split_at_mut(count);
+            if count > 0 {
+                children.push((place, own));
+            }
+            rest = others;
+        }
+        let (cell, depth) = (pending.cell, pending.depth);
+        let children = children
+            .into_par_iter()
+            .map(|(place, order)| (place, self.grow(cell.child(place), depth + 1, order)))
+            .collect();
+        Tree::Node(Bounds8::new(&parts.bounds), children)
     }
-    octree
+
+    /// The same on one thread.
+    fn grow_alone(&self, root: Pending, order: &mut [u32]) -> Octree {
+        let mut octree = Octree {
+            nodes: Vec::new(),
+            leaves: Leaves::new(),
+            root: None,
+        };
+        let mut sorted = Vec::new();
+        let mut work = vec![root];
+        while let Some(mut pending) = work.pop() {
+            let ids = &mut order[pending.range.clone()];
+            let child = match divide(&mut pending, ids, self.bounds, &mut sorted) {
+                None => Child::leaf(octree.leaves.push(self.geometry, ids)),
+                Some(parts) => {
+                    let node = octree.nodes.len();
+                    octree.nodes.push(Node {
+                        bounds: Bounds8::new(&parts.bounds),
+                        children: [Child::default(); 8],
+                    });
+                    let mut end = pending.range.end;
+                    for place in (0..8).rev() {
+                        let range = end - parts.count[place]..end;
+                        end = range.start;
+                        if !range.is_empty() {
+                            work.push(Pending {
+                                cell: pending.cell.child(place),
+                                range,
+                                depth: pending.depth + 1,
+                                parent: Some((node, place)),
+                            });
+                        }
+                    }
+                    Child::node(node)
+                }
+            };
+            match pending.parent {
+                Some((node, place)) => octree.nodes[node].children[place] = child,
+                None => octree.root = Some(child),
+            }
+        }
+        octree
+    }
 }
 
 /// What is in the eight cells within a cell.
@@ -247,6 +378,38 @@ mod tests {
             });
             assert!(largest <= LEAF_SIZE && depth <= 7, "{depth} {largest}");
         }
+    }
+
+    #[test]
+    fn the_octree_is_the_same_for_any_number_of_threads() {
+        let mut rng = Rng(4);
+        let shells = [1.0, 1e-3].map(|size| {
+            let mesh = lat_long_sphere(120, 240, 0.2, &mut rng).triangles();
+            mesh.into_iter().map(move |Triangle { corners }| Triangle {
+                corners: corners.map(|corner| corner.map(|x| size * x)),
+            })
+        });
+        let geometry = Geometry {
+            triangles: shells.into_iter().flatten().collect(),
+            spheres: (0..5_000)
+                .map(|_| Sphere {
+                    center: rng.sphere(),
+                    radius: 0.1 * rng.uniform(),
+                })
+                .collect(),
+            ..Geometry::default()
+        };
+        assert!(geometry.len() > 8 * TASK);
+        let [one, three] = [1, 3].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let octree = pool.expect("threads start").install(|| build(&geometry));
+            (
+                octree.leaves.ids(),
+                octree.root,
+                format!("{:?}", octree.nodes),
+            )
+        });
+        assert!(one == three);
     }
 
     #[test]

@@ -125,6 +125,23 @@ impl Leaves {
         self.begin.len() - 2
     }
 
+    /// Number of leaves.
+    pub(super) fn len(&self) -> usize {
+        self.begin.len() - 1
+    }
+
+    /// Adds the leaves of another table after the own ones.
+    pub(super) fn append(&mut self, other: Self) {
+        let (triangles, spheres) = (self.triangles.len() as u32, self.spheres.len() as u32);
+        self.triangles.extend(other.triangles);
+        self.spheres.extend(other.spheres);
+        self.begin
+            .extend(other.begin[1..].iter().map(|packs| Packs {
+                triangles: packs.triangles + triangles,
+                spheres: packs.spheres + spheres,
+            }));
+    }
+
     /// Bytes held.
     pub(super) fn bytes(&self) -> usize {
         std::mem::size_of_val(&*self.begin)
@@ -192,6 +209,6 @@ impl Leaves {
                 .filter(|&id| id != PrimitiveId::NONE)
                 .collect()
         };
-        (0..self.begin.len() - 1).map(leaf).collect()
+        (0..self.len()).map(leaf).collect()
     }
 }
