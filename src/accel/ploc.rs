@@ -136,39 +136,31 @@ impl Search {
     /// The best partners of the clusters from number `begin` + `at` on.
     #[inline(always)]
     fn best_of(&self, window: usize, begin: usize, at: usize) -> U32s {
-        let own = self.boxes(BEFORE + at);
+        let column = |side: usize, axis: usize, at| load(&self.planes[side][axis], at);
+        let own = |axis| [column(0, axis, BEFORE + at), column(1, axis, BEFORE + at)];
+        let [x, y, z] = [own(0), own(1), own(2)];
         let index = crate::math::lanes::iota() + U32s::splat((begin + at) as u32);
         // Areas beyond that are as good as none.
         let mut best_area = F32s::splat(f32::MAX);
         // Both indices of the best pair, xor-ed; a cluster without any is its own partner.
         let mut best_pair = U32s::splat(0);
+        let mut look = |at, other_index: U32s| {
+            // Written out: arrays of boxes would be put together in memory.
+            let x = x[1].fast_max(column(1, 0, at)) - x[0].fast_min(column(0, 0, at));
+            let y = y[1].fast_max(column(1, 1, at)) - y[0].fast_min(column(0, 1, at));
+            let z = z[1].fast_max(column(1, 2, at)) - z[0].fast_min(column(0, 2, at));
+            let area = (x + y) * z + x * y;
+            let pair = index ^ other_index;
+            let better = area.lt(best_area) | (area.eq(best_area) & pair.lt(best_pair));
+            best_area = better.select(area, best_area);
+            best_pair = better.select_u32(pair, best_pair);
+        };
         for distance in 1..=window {
-            let earlier = (
-                self.boxes(BEFORE + at - distance),
-                index - U32s::splat(distance as u32),
-            );
-            let later = (
-                self.boxes(BEFORE + at + distance),
-                index + U32s::splat(distance as u32),
-            );
-            for (other, other_index) in [earlier, later] {
-                let [x, y, z] = [0, 1, 2].map(|axis| {
-                    own[1][axis].fast_max(other[1][axis]) - own[0][axis].fast_min(other[0][axis])
-                });
-                let area = (x + y) * z + x * y;
-                let pair = index ^ other_index;
-                let better = area.lt(best_area) | (area.eq(best_area) & pair.lt(best_pair));
-                best_area = better.select(area, best_area);
-                best_pair = better.select_u32(pair, best_pair);
-            }
+            let offset = U32s::splat(distance as u32);
+            look(BEFORE + at - distance, index - offset);
+            look(BEFORE + at + distance, index + offset);
         }
         index ^ best_pair
-    }
-
-    /// Lower and upper planes of the boxes in the columns from `at` on.
-    #[inline(always)]
-    fn boxes(&self, at: usize) -> [[F32s; 3]; 2] {
-        [0, 1].map(|side| [0, 1, 2].map(|axis| load(&self.planes[side][axis], at)))
     }
 }
 
