@@ -86,7 +86,7 @@
 //! Film                           sums per pixel in f64, blocks added in a fixed order
 //!     │
 //!     ▼
-//! PNG, EXR, report
+//! PNG, EXR, checkpoint, report
 //! ```
 //!
 //! A pass of the wave ([`integrator::wavefront::trace`]) runs these stages, and reports time by

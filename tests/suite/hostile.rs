@@ -40,3 +40,8 @@ fn hostile_mtl_files_are_answered() {
 fn hostile_exr_images_are_answered() {
     replay("exr", readers::exr);
 }
+
+#[test]
+fn hostile_checkpoints_are_answered() {
+    replay("checkpoint", readers::checkpoint);
+}
