@@ -128,7 +128,9 @@ fn mend(bytes: &[u8], scene: &SceneDescription) -> Option<(Vec<u8>, RenderSettin
 
     let blocks = header.pointer("/record/position/blocks")?;
     let total = blocks["total"].as_u64().filter(|total| *total > 0);
-    let mean = header.pointer("/record/position/mean").and_then(Value::as_f64);
+    let mean = header
+        .pointer("/record/position/mean")
+        .and_then(Value::as_f64);
     let samples = total.or(mean.map(|mean| (2.0 * mean) as u64));
     let settings = RenderSettings {
         budget: samples.map_or(Budget::Error(1e-9), Budget::Samples),

@@ -409,7 +409,14 @@ mod tests {
     fn outputs_must_have_a_known_format_and_differ() {
         let directory = tempfile::tempdir().unwrap();
         let at = |name: &str| directory.path().join(name);
-        assert!(check_outputs(&[at("a.png"), at("a.exr")], Some(&at("a.json")), Some(&at("a"))).is_ok());
+        assert!(
+            check_outputs(
+                &[at("a.png"), at("a.exr")],
+                Some(&at("a.json")),
+                Some(&at("a"))
+            )
+            .is_ok()
+        );
         let twice = check_outputs(&[at("a.png"), at("./a.png")], None, None).unwrap_err();
         assert!(twice.message.contains("named twice"), "{twice}");
         let report = check_outputs(&[at("a.png")], Some(&at("a.toml")), None).unwrap_err();

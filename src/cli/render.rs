@@ -222,11 +222,7 @@ fn write_images(job: &RenderJob, outcome: &Outcome) -> Result<Vec<String>> {
     for path in &job.images {
         write_image(path, film, scene.film.exposure, &provenance)?;
     }
-    Ok(job
-        .images
-        .iter()
-        .map(|path| absolute(path))
-        .collect())
+    Ok(job.images.iter().map(|path| absolute(path)).collect())
 }
 
 /// The path from the root, to be told.
@@ -243,9 +239,7 @@ fn write_json(path: &Path, report: &RenderReport) -> Result<()> {
 
 fn places(result: &ResultReport) -> String {
     let written = result.images.iter().chain(&result.checkpoint);
-    written
-        .map(|path| format!("wrote {path}\n"))
-        .collect()
+    written.map(|path| format!("wrote {path}\n")).collect()
 }
 
 fn interruption(report: &RenderReport) -> String {

@@ -194,7 +194,9 @@ fn read<R: DeserializeOwned>(
 ) -> std::result::Result<Checkpoint<R>, Problem> {
     let mut part = Summed::new(&mut *input);
     let mut magic = Vec::new();
-    (&mut part).take(MAGIC.len() as u64).read_to_end(&mut magic)?;
+    (&mut part)
+        .take(MAGIC.len() as u64)
+        .read_to_end(&mut magic)?;
     if magic.is_empty() || !MAGIC.starts_with(&magic) {
         return content("is not a checkpoint of wavepath");
     }
@@ -215,7 +217,11 @@ fn read<R: DeserializeOwned>(
     }
     let header: Header<R> = match serde_json::from_slice(&json) {
         Ok(header) => header,
-        Err(error) => return content(format!("the checkpoint's header is not understood: {error}")),
+        Err(error) => {
+            return content(format!(
+                "the checkpoint's header is not understood: {error}"
+            ));
+        }
     };
     let Some(body) = header.body() else {
         return content("the checkpoint is damaged: its header states an impossible size");
@@ -273,7 +279,9 @@ fn read_half<R>(
         let sum = total.checked_add(sums.samples);
         match sum.filter(|_| counts && values.copied().all(f64::is_finite)) {
             Some(sum) => *total = sum,
-            None => return content("the checkpoint is damaged: the sums of a pixel are impossible"),
+            None => {
+                return content("the checkpoint is damaged: the sums of a pixel are impossible");
+            }
         }
     }
     for sums in &mut film.aux {
@@ -521,13 +529,11 @@ mod tests {
 
     #[test]
     fn impossible_sums_are_refused_though_the_checksum_is_theirs() {
-        let header =
-            r#"{"width":1,"height":1,"aux":true,"halves":1,"words":0,"record":[]}"#;
+        let header = r#"{"width":1,"height":1,"aux":true,"halves":1,"words":0,"record":[]}"#;
         let sound = [0.0f64.to_bits(); 6].into_iter().chain([8, 2]);
         let sound: Vec<u64> = sound.chain([0; 7]).chain([8]).collect();
-        let bytes = |numbers: &[u64]| -> Vec<u8> {
-            numbers.iter().flat_map(|n| n.to_le_bytes()).collect()
-        };
+        let bytes =
+            |numbers: &[u64]| -> Vec<u8> { numbers.iter().flat_map(|n| n.to_le_bytes()).collect() };
         assert!(read_bytes(&forged(header, &bytes(&sound))).is_ok());
         for (place, value) in [
             (0, f64::NAN.to_bits()),

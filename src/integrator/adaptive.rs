@@ -174,7 +174,11 @@ impl Adaptive {
             (taken.len() == count).then_some(taken)
         };
         let [stage, beyond_floor, floors] = take(3)?.try_into().ok()?;
-        self.floors = take(usize::try_from(floors).ok().filter(|n| *n <= MOST_FLOORS_KNOWN)?)?;
+        self.floors = take(
+            usize::try_from(floors)
+                .ok()
+                .filter(|n| *n <= MOST_FLOORS_KNOWN)?,
+        )?;
         self.stage = usize::try_from(stage).ok()?;
         self.beyond_floor = beyond_floor != 0;
         let floor = *self.floors.get(self.stage)?;
@@ -188,7 +192,9 @@ impl Adaptive {
             half.epsilon = (has_epsilon != 0).then_some(f64::from_bits(epsilon));
             half.done = take(tiles)?;
             half.target = take(tiles)?;
-            let rows = usize::try_from(rows).ok().filter(|rows| *rows <= self.floors.len())?;
+            let rows = usize::try_from(rows)
+                .ok()
+                .filter(|rows| *rows <= self.floors.len())?;
             let row = |_| Some(take(tiles)?.into_iter().map(f64::from_bits).collect());
             half.variances = (0..rows).map(row).collect::<Option<_>>()?;
             // What was decided: no tile ends below the floor, nor has more than it is to have; and each floor

@@ -74,12 +74,17 @@ impl Identity {
 
     /// What differs in `other`, in words; empty if nothing does.
     fn differences(&self, other: &Self) -> Vec<String> {
-        let keys = self.0.keys().chain(other.0.keys().filter(|key| !self.0.contains_key(*key)));
+        let keys = self
+            .0
+            .keys()
+            .chain(other.0.keys().filter(|key| !self.0.contains_key(*key)));
         let differing = keys.filter(|key| self.0.get(*key) != other.0.get(*key));
         let named: Vec<&String> = differing.collect();
         let is_told = |key: &&&String| {
             // The fingerprint is of the size and the camera too.
-            let explained = ["size", "camera"].iter().any(|part| named.iter().any(|key| key == part));
+            let explained = ["size", "camera"]
+                .iter()
+                .any(|part| named.iter().any(|key| key == part));
             key.as_str() != SCENE || !explained
         };
         let text = |identity: &Self, key: &str| match identity.0.get(key) {

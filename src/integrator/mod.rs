@@ -349,9 +349,8 @@ impl<'a> Session<'a> {
             ),
         };
         let pixels = f64::from(self.compiled.width) * f64::from(self.compiled.height);
-        let paths_of = |items: &[WorkItem]| -> u64 {
-            items.iter().map(|item| u64::from(item.paths())).sum()
-        };
+        let paths_of =
+            |items: &[WorkItem]| -> u64 { items.iter().map(|item| u64::from(item.paths())).sum() };
         let paths = paths_of(items);
         let start = Instant::now();
         let next_item = AtomicUsize::new(0);

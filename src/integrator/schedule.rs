@@ -66,7 +66,7 @@ impl Blocks {
 
     /// How many blocks come closest to `samples` in a render without end, the fewer if two do.
     pub fn count(&self, samples: f64) -> u64 {
-        let (mut low, mut high) = (0, samples as u64 + 1);
+        let (mut low, mut high) = (0, (samples as u64).saturating_add(1));
         while low < high {
             let middle = low + (high - low) / 2;
             if (self.samples(middle) as f64) < samples {
@@ -105,8 +105,10 @@ impl Blocks {
 
     /// As [`Self::get`], of a render without end.
     fn whole(&self, block: u64) -> (u64, u32) {
+        let full = u64::from(self.full);
+        // Saturating: a user may ask for as many samples as there are numbers.
         if !self.growing {
-            return (block * u64::from(self.full), self.full);
+            return (block.saturating_mul(full), self.full);
         }
         // Blocks of 1, 1, 2, 4, …: after k ≥ 1 of them there are 2^(k−1) samples.
         let ramp = u64::from(self.full.ilog2()) + 1;
@@ -114,8 +116,8 @@ impl Blocks {
             0 => (0, 1),
             b if b < ramp => (1 << (b - 1), 1 << (b - 1)),
             b => {
-                let beyond = (b - ramp) * u64::from(self.full);
-                ((1 << (ramp - 1)) + beyond, self.full)
+                let beyond = (b - ramp).saturating_mul(full);
+                (beyond.saturating_add(1 << (ramp - 1)), self.full)
             }
         }
     }
@@ -366,8 +368,7 @@ impl Schedule {
                     let sums = &sums[item.image_index(pixel)];
                     sums.blocks == blocks && sums.samples == samples
                 };
-                (self.done(tile, half)..=most).contains(&blocks)
-                    && (0..item.pixels()).all(is_whole)
+                (self.done(tile, half)..=most).contains(&blocks) && (0..item.pixels()).all(is_whole)
             })
         })
     }

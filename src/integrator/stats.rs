@@ -32,7 +32,9 @@ impl<'de> Deserialize<'de> for StageStats {
         let mut steps = Step::ALL.into_iter().map(Step::name);
         let unknown = || D::Error::custom(format!("no stage is called {}", record.name));
         Ok(Self {
-            name: steps.find(|name| *name == record.name).ok_or_else(unknown)?,
+            name: steps
+                .find(|name| *name == record.name)
+                .ok_or_else(unknown)?,
             cpu_seconds: record.cpu_seconds,
             items: record.items,
         })

@@ -256,17 +256,18 @@ fn more_samples_continue_a_render_that_was_complete() {
     // Blocks of 16, the last one of 100 samples has 4.
     for (first, then) in [(64, 100), (100, 160), (100, 100), (64, 64)] {
         let folder = directory();
-        let (complete, written) = session(
+        let (complete, written) =
+            session(&scene, &samples(first), None, NEVER, usize::MAX, &folder);
+        assert_eq!(complete.film.min_samples(), first);
+        let file = written.last().unwrap();
+        let (outcome, _) = session(
             &scene,
-            &samples(first),
-            None,
+            &samples(then),
+            Some(file),
             NEVER,
             usize::MAX,
             &folder,
         );
-        assert_eq!(complete.film.min_samples(), first);
-        let file = written.last().unwrap();
-        let (outcome, _) = session(&scene, &samples(then), Some(file), NEVER, usize::MAX, &folder);
         assert!(
             bits(&outcome.film) == bits(&whole(&scene, &samples(then)).film),
             "{first} and then {then} samples"
@@ -288,8 +289,7 @@ fn time_and_error_goals_continue_each_other() {
         let expected = whole(&scene, &goal);
         let folder = directory();
         for first in [Budget::Seconds(1e-9), Budget::Error(0.9)] {
-            let (_, written) =
-                session(&scene, &until(first), None, NEVER, usize::MAX, &folder);
+            let (_, written) = session(&scene, &until(first), None, NEVER, usize::MAX, &folder);
             let file = written.last().unwrap();
             let (outcome, again) = session(&scene, &goal, Some(file), NEVER, usize::MAX, &folder);
             assert!(bits(&outcome.film) == bits(&expected.film), "{first:?}");
@@ -361,17 +361,32 @@ fn another_scene_setting_or_build_is_refused_by_its_name() {
     };
     for (scene, settings, parts) in [
         (&moved, base(), vec!["different content of the scene"]),
-        (&small, base(), vec!["different size (70 × 40, now 69 × 40)"]),
-        (&room, with(&|s| s.seed = 1), vec!["different seed (0, now 1)"]),
+        (
+            &small,
+            base(),
+            vec!["different size (70 × 40, now 69 × 40)"],
+        ),
+        (
+            &room,
+            with(&|s| s.seed = 1),
+            vec!["different seed (0, now 1)"],
+        ),
         (
             &room,
             with(&|s| {
                 s.max_depth = Some(3);
                 s.sampler = SamplerKind::Sobol;
             }),
-            vec!["max depth (none, now 3)", "sampler (independent, now sobol)"],
+            vec![
+                "max depth (none, now 3)",
+                "sampler (independent, now sobol)",
+            ],
         ),
-        (&room, with(&|s| s.aux = true), vec!["aux (false, now true)"]),
+        (
+            &room,
+            with(&|s| s.aux = true),
+            vec!["aux (false, now true)"],
+        ),
         (
             &room,
             with(&|s| s.integrator = IntegratorKind::Whitted),
@@ -409,7 +424,11 @@ fn textures_and_meshes_belong_to_the_scene() {
         picture.save(at("a.png")).unwrap();
     };
     let material = |extra: &str| {
-        fs::write(at("a.mtl"), format!("newmtl m\nKd 0.5 0.5 0.5\nmap_Kd a.png\n{extra}")).unwrap();
+        fs::write(
+            at("a.mtl"),
+            format!("newmtl m\nKd 0.5 0.5 0.5\nmap_Kd a.png\n{extra}"),
+        )
+        .unwrap();
     };
     let mesh = |extra: &str| {
         let text = format!(
@@ -420,7 +439,8 @@ fn textures_and_meshes_belong_to_the_scene() {
     texture(100);
     material("");
     mesh("");
-    let key = || wavepath::scene::fingerprint(&wavepath::scene::load(&at("a.obj"), &[]).unwrap(), 0);
+    let key =
+        || wavepath::scene::fingerprint(&wavepath::scene::load(&at("a.obj"), &[]).unwrap(), 0);
     let mut keys = vec![key()];
     assert_eq!(key(), keys[0]);
     texture(101);
@@ -466,14 +486,23 @@ fn a_killed_and_an_interrupted_render_end_with_the_image_of_a_whole_one() {
     interrupt_when_rendering(&child);
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
-    assert!(stderr(&output).contains("--resume goes on"), "{}", stderr(&output));
-    // Goes on to the end, by another number of threads.
-    let output = succeed(
-        room(&folder)
-            .args(options)
-            .args(["--threads=1", "--wave=512", "--report=r.json"]),
+    assert!(
+        stderr(&output).contains("--resume goes on"),
+        "{}",
+        stderr(&output)
     );
-    assert!(stdout(&output).contains("resumed, session 3: "), "{}", stdout(&output));
+    // Goes on to the end, by another number of threads.
+    let output =
+        succeed(
+            room(&folder)
+                .args(options)
+                .args(["--threads=1", "--wave=512", "--report=r.json"]),
+        );
+    assert!(
+        stdout(&output).contains("resumed, session 3: "),
+        "{}",
+        stdout(&output)
+    );
     assert!(stdout(&output).contains("/c\n"), "{}", stdout(&output));
     let report = report(&folder.path().join("r.json"));
     let resumed = report.resumed.unwrap();
@@ -493,22 +522,52 @@ fn a_checkpoint_is_not_overwritten_nor_used_unasked() {
     let folder = directory();
     let options = ["--spp=8", "--checkpoint=c", "-o=a.png"];
     let output = succeed(room(&folder).args(options).arg("--resume"));
-    assert!(stderr(&output).contains("this is the beginning"), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("this is the beginning"),
+        "{}",
+        stderr(&output)
+    );
     assert_eq!(files(&folder), ["a.png", "c"]);
     let kept = fs::read(folder.path().join("c")).unwrap();
     for (arguments, part) in [
-        (vec!["--spp=8", "--checkpoint=c"], "is there already; give --resume"),
-        (vec!["--spp=8", "--checkpoint=c", "--resume", "--seed=1"], "c: the checkpoint is of another render, with different seed (0, now 1)"),
-        (vec!["--spp=8", "--checkpoint=c", "--resume", "--set=materials.glass.ior=1.6"], "different content of the scene"),
-        (vec!["--spp=8", "--checkpoint=c", "--resume", "--camera=2"], "different camera (1, now 2)"),
-        (vec!["--spp=4", "--checkpoint=c", "--resume"], "c: the checkpoint"),
+        (
+            vec!["--spp=8", "--checkpoint=c"],
+            "is there already; give --resume",
+        ),
+        (
+            vec!["--spp=8", "--checkpoint=c", "--resume", "--seed=1"],
+            "c: the checkpoint is of another render, with different seed (0, now 1)",
+        ),
+        (
+            vec![
+                "--spp=8",
+                "--checkpoint=c",
+                "--resume",
+                "--set=materials.glass.ior=1.6",
+            ],
+            "different content of the scene",
+        ),
+        (
+            vec!["--spp=8", "--checkpoint=c", "--resume", "--camera=2"],
+            "different camera (1, now 2)",
+        ),
+        (
+            vec!["--spp=4", "--checkpoint=c", "--resume"],
+            "c: the checkpoint",
+        ),
         (vec!["--resume"], "--checkpoint"),
         (vec!["--checkpoint-every=1"], "--checkpoint"),
-        (vec!["--checkpoint=d", "--checkpoint-every=0"], "--checkpoint-every must be"),
+        (
+            vec!["--checkpoint=d", "--checkpoint-every=0"],
+            "--checkpoint-every must be",
+        ),
         (vec!["--checkpoint=missing/d"], "missing/d: cannot write"),
         (vec!["--checkpoint=."], "not a regular file"),
         (vec!["-o=d.png", "--checkpoint=d.png"], "named twice"),
-        (vec!["--checkpoint=a.png", "--resume", "-o=b.png"], "a.png: is not a checkpoint"),
+        (
+            vec!["--checkpoint=a.png", "--resume", "-o=b.png"],
+            "a.png: is not a checkpoint",
+        ),
     ] {
         let message = refuse(room(&folder).args(arguments));
         assert!(message.contains(part), "{message}");
@@ -517,7 +576,10 @@ fn a_checkpoint_is_not_overwritten_nor_used_unasked() {
     }
     fs::write(folder.path().join("c"), &kept[..kept.len() / 2]).unwrap();
     let message = refuse(room(&folder).args(options).arg("--resume"));
-    assert!(message.contains("c: the checkpoint is cut off"), "{message}");
+    assert!(
+        message.contains("c: the checkpoint is cut off"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -525,7 +587,12 @@ fn a_folder_that_vanishes_costs_the_checkpoint_and_not_the_image() {
     let folder = directory();
     let inner = folder.path().join("inner");
     fs::create_dir(&inner).unwrap();
-    let options = ["--spp=1000000", "--checkpoint=inner/c", "--checkpoint-every=0.05", "-o=a.png"];
+    let options = [
+        "--spp=1000000",
+        "--checkpoint=inner/c",
+        "--checkpoint-every=0.05",
+        "-o=a.png",
+    ];
     let child = start(room(&folder).args(options));
     wait_for(&inner.join("c"));
     fs::rename(&inner, folder.path().join("outer")).unwrap();
@@ -533,7 +600,10 @@ fn a_folder_that_vanishes_costs_the_checkpoint_and_not_the_image() {
     let output = child.wait_with_output().unwrap();
     let message = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(message.contains("warning: no checkpoint: inner/c"), "{message}");
+    assert!(
+        message.contains("warning: no checkpoint: inner/c"),
+        "{message}"
+    );
     assert!(message.contains("error: inner/c: "), "{message}");
     assert!(message.contains("interrupted: "), "{message}");
     assert!(!message.contains("goes on"), "{message}");
