@@ -285,7 +285,7 @@ fn time_and_error_goals_continue_each_other() {
             adaptive,
             ..base()
         };
-        let goal = until(Budget::Error(0.5));
+        let goal = until(Budget::Error(0.15));
         let expected = whole(&scene, &goal);
         let folder = directory();
         for first in [Budget::Seconds(1e-9), Budget::Error(0.9)] {
@@ -322,7 +322,7 @@ fn budgets_whose_blocks_are_others_are_refused_with_the_way_out() {
     let placed = last(&adaptive(16));
     for (file, settings, part) in [
         (&twenty, samples(64), "give --block 5"),
-        (&many, samples(48), "more than --spp 48"),
+        (&many, samples(62), "more than --spp 62"),
         (&many, samples(20), "give --spp 61 or more"),
         (&timed, samples(64), "give --seconds or --error"),
         (&many, until(Budget::Error(0.1)), "give --spp"),
@@ -562,7 +562,7 @@ fn a_checkpoint_is_not_overwritten_nor_used_unasked() {
             "--checkpoint-every must be",
         ),
         (vec!["--checkpoint=missing/d"], "missing/d: cannot write"),
-        (vec!["--checkpoint=."], "not a regular file"),
+        (vec!["--checkpoint=.", "--resume"], "not a regular file"),
         (vec!["-o=d.png", "--checkpoint=d.png"], "named twice"),
         (
             vec!["--checkpoint=a.png", "--resume", "-o=b.png"],
