@@ -126,12 +126,12 @@ impl Blocks {
     fn check_beginning(&self, other: &Self) -> std::result::Result<(), String> {
         match (self.growing, other.growing) {
             (true, false) => Err(
-                "it was begun with a given number of samples, in blocks that a render until a time or an error \
+                "was begun with a given number of samples, in blocks that a render until a time or an error \
                  has not: give --spp"
                     .to_owned(),
             ),
             (false, true) => Err(
-                "it was begun until a time or an error, in blocks that a render of a given number of samples \
+                "was begun until a time or an error, in blocks that a render of a given number of samples \
                  has not: give --seconds or --error"
                     .to_owned(),
             ),
@@ -144,7 +144,7 @@ impl Blocks {
                     _ => format!("--block {}", other.full),
                 };
                 Err(format!(
-                    "it was begun in blocks of {} samples per pixel, and this render has blocks of {}: give {remedy}",
+                    "was begun in blocks of {} samples per pixel, and this render has blocks of {}: give {remedy}",
                     other.full, self.full
                 ))
             }
@@ -294,14 +294,14 @@ impl Schedule {
 
     /// Where the schedule is, for [`Self::resume`].
     pub fn position(&self) -> (Position, Vec<u64>) {
-        let (block, mean, words) = match self {
-            Self::Uniform { block, .. } => (*block, None, Vec::new()),
-            Self::Adaptive(adaptive) => (0, adaptive.mean(), adaptive.words()),
+        let (block, words) = match self {
+            Self::Uniform { block, .. } => (*block, Vec::new()),
+            Self::Adaptive(adaptive) => (0, adaptive.words()),
         };
         let position = Position {
             blocks: *self.blocks(),
             block,
-            mean,
+            mean: self.mean(),
         };
         (position, words)
     }
@@ -317,6 +317,15 @@ impl Schedule {
         film: &Film,
     ) -> std::result::Result<(), String> {
         let damaged = || "is damaged: its film is not that of its schedule".to_owned();
+        if let (Some(now), Some(then)) = (self.mean(), position.mean)
+            && now != then
+        {
+            return Err(
+                "is of an adaptive render, which has placed its samples by their number and cannot be given \
+                 another"
+                    .to_owned(),
+            );
+        }
         self.blocks().check_beginning(&position.blocks)?;
         match self {
             Self::Uniform { blocks, block, .. } => {
@@ -331,15 +340,11 @@ impl Schedule {
                 *block = position.block;
             }
             Self::Adaptive(adaptive) => {
-                if adaptive.mean() != position.mean {
-                    return Err(
-                        "an adaptive render of a given number of samples places them by that number, and \
-                         cannot be given another"
-                            .to_owned(),
-                    );
-                }
                 adaptive.resume(words).ok_or_else(damaged)?;
             }
+        }
+        if self.mean() != position.mean {
+            return Err(damaged());
         }
         let bounded = position.block <= MOST_BLOCKS;
         (bounded && self.has_come_to(film))
@@ -377,6 +382,14 @@ impl Schedule {
         match self {
             Self::Uniform { blocks, .. } => blocks,
             Self::Adaptive(adaptive) => adaptive.blocks(),
+        }
+    }
+
+    /// Mean samples per pixel of a half at the end of an adaptive render of a given length.
+    fn mean(&self) -> Option<f64> {
+        match self {
+            Self::Uniform { .. } => None,
+            Self::Adaptive(adaptive) => adaptive.mean(),
         }
     }
 
