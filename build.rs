@@ -18,10 +18,21 @@ fn main() {
     let commit = git(&["describe", "--always", "--dirty", "--abbrev=12"])
         .unwrap_or_else(|| "unknown".to_owned());
     println!("cargo:rustc-env=WAVEPATH_COMMIT={commit}");
+    println!("cargo:rustc-env=WAVEPATH_COMPILER={}", compiler());
     println!(
         "cargo:rustc-env=WAVEPATH_TARGET_FEATURES={}",
         std::env::var("CARGO_CFG_TARGET_FEATURE").unwrap_or_default()
     );
+}
+
+/// The compiler's name and version.
+fn compiler() -> String {
+    let rustc = std::env::var_os("RUSTC").unwrap_or("rustc".into());
+    let output = Command::new(rustc).arg("--version").output();
+    let text = output
+        .ok()
+        .and_then(|output| String::from_utf8(output.stdout).ok());
+    text.map_or_else(|| "unknown".to_owned(), |text| text.trim().to_owned())
 }
 
 /// What git prints for `arguments`, if it is there and in a repository.

@@ -4,12 +4,16 @@
 #![allow(dead_code, reason = "each target uses one of them")]
 
 use std::cell::OnceCell;
-use std::path::PathBuf;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
 
+use serde_json::Value;
 use tempfile::TempDir;
 use wavepath::compile::compile;
 use wavepath::film::read_exr;
-use wavepath::scene::{self, RenderSettings, SceneDescription};
+use wavepath::integrator::checkpoint::{Identity, Resume};
+use wavepath::integrator::render_resumable;
+use wavepath::scene::{self, Budget, RenderSettings, SceneDescription};
 
 /// Largest whole number in a scene file with a procedural mesh that is still read: larger ones ask for
 /// meshes of millions of faces, which is legal and slow.
@@ -90,4 +94,79 @@ pub(crate) fn exr(bytes: &[u8]) {
         }
         Err(error) => assert!(error.place.is_some(), "{error}"),
     }
+}
+
+/// The scene whose renders are resumed: two tiles, of 32 pixels and of one.
+const ROOM: &str = r#"
+    film = { width = 33, height = 1 }
+    cameras.c = { eye = [0.1, 0.2, 0.3], look_at = [1, 0, 0], up = [0, 0, 1], fov = 90 }
+    materials.wall = { type = "lambertian", reflectance = 0.5, emission = 1, two_sided = true }
+    shapes = [{ type = "mesh", mesh = "box", material = "wall", size = [2, 2, 2] }]
+"#;
+
+/// A checkpoint, as it is and mended: with the identity and the checksums that are right, so that the reader goes
+/// on to what is behind them. What is sound is rendered for a moment longer.
+pub(crate) fn checkpoint(bytes: &[u8]) {
+    let scene = scene::parse(ROOM, Path::new("room.toml"), &[]).expect("a sound scene");
+    go_on(bytes, &scene, &RenderSettings::default());
+    if let Some((bytes, settings)) = mend(bytes, &scene) {
+        go_on(&bytes, &scene, &settings);
+    }
+}
+
+fn identity(scene: &SceneDescription, settings: &RenderSettings) -> Identity {
+    Identity::new(scene, 0, settings, &serde_json::json!({}))
+}
+
+/// The checkpoint with what the reader wants to find, if it has a header, and settings that it may be of.
+fn mend(bytes: &[u8], scene: &SceneDescription) -> Option<(Vec<u8>, RenderSettings)> {
+    let (preamble, rest) = bytes.split_at_checked(16)?;
+    let mut headers = serde_json::Deserializer::from_slice(rest).into_iter::<Value>();
+    let mut header = headers.next()?.ok()?;
+    let body = rest.get(headers.byte_offset() + 4..)?;
+    let body = &body[..body.len().checked_sub(4)?];
+
+    let blocks = header.pointer("/record/position/blocks")?;
+    let total = blocks["total"].as_u64().filter(|total| *total > 0);
+    let mean = header
+        .pointer("/record/position/mean")
+        .and_then(Value::as_f64);
+    let samples = total.or(mean.map(|mean| (2.0 * mean) as u64));
+    let settings = RenderSettings {
+        budget: samples.map_or(Budget::Error(1e-9), Budget::Samples),
+        block: blocks["full"].as_u64()?.clamp(1, 64) as u32,
+        adaptive: header["halves"] == 2,
+        aux: header["aux"] == true,
+        threads: 1,
+        ..RenderSettings::default()
+    };
+    let identity = serde_json::to_value(identity(scene, &settings)).expect("plain data");
+    *header.pointer_mut("/record/identity")? = identity;
+
+    let json = header.to_string();
+    let mut mended = preamble[..12].to_vec();
+    mended.extend((json.len() as u32).to_le_bytes());
+    mended.extend(json.as_bytes());
+    mended.extend(crc32fast::hash(&mended).to_le_bytes());
+    mended.extend(body);
+    mended.extend(crc32fast::hash(body).to_le_bytes());
+    Some((mended, settings))
+}
+
+/// Resumes a render and interrupts it at once.
+fn go_on(bytes: &[u8], scene: &SceneDescription, settings: &RenderSettings) {
+    let path = write("checkpoint", bytes);
+    let resume = match Resume::read(&path, scene, settings, &identity(scene, settings)) {
+        Ok(resume) => resume,
+        // That an adaptive render has too few samples is said of the settings.
+        Err(error) => return assert!(error.place.is_some() || settings.adaptive, "{error}"),
+    };
+    let (width, height) = (scene.film.width, scene.film.height);
+    let compiled = compile(scene, 0, width, height, settings).expect("a sound scene");
+    let stop = |_: &_| ControlFlow::Break(());
+    let outcome = render_resumable(scene, &compiled, settings, &stop, Some(resume), None)
+        .expect("the machine can hold this film");
+    // An image without samples has no error.
+    let _ = outcome.film.error_estimate();
+    assert!(outcome.film.total_samples() >= outcome.stats.paths);
 }

@@ -86,7 +86,7 @@
 //! Film                           sums per pixel in f64, blocks added in a fixed order
 //!     │
 //!     ▼
-//! PNG, EXR, report
+//! PNG, EXR, checkpoint, report
 //! ```
 //!
 //! A pass of the wave ([`integrator::wavefront::trace`]) runs these stages, and reports time by
@@ -143,8 +143,8 @@
 //!   adds direct light. Roulette from depth n plays after n segments were traced.
 //! - Pixels are counted from the top left; row-major in the film. The filter is a box of one pixel.
 //! - Every random number is a function of (seed, pixel, sample, dimension). On one build the image is
-//!   the same to the last bit for any number of threads, any wave size, and with any features forced
-//!   in. Builds of different lane widths or compilers may round differently.
+//!   the same to the last bit for any number of threads, any wave size, after any resume from a checkpoint,
+//!   and with any features forced in. Builds of different lane widths or compilers may round differently.
 //! - Kernels calculate in f32 about the scene's centre, which was subtracted in f64; sums over blocks
 //!   and everything in [`reference`](mod@reference) are in f64. Denormal numbers are flushed to zero
 //!   on worker threads.

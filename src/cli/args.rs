@@ -175,6 +175,9 @@ pub(super) struct RenderArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) seed: Option<u64>,
 
+    #[command(flatten)]
+    pub(super) checkpoint: CheckpointArgs,
+
     /// Write the report of the render as JSON
     #[arg(long, value_name = "FILE.json")]
     pub(super) report: Option<PathBuf>,
@@ -182,6 +185,29 @@ pub(super) struct RenderArgs {
     /// Show neither progress nor summary
     #[arg(short, long)]
     pub(super) quiet: bool,
+}
+
+/// How a render survives its interruption.
+#[derive(Debug, Default, clap::Args)]
+pub(super) struct CheckpointArgs {
+    /// Keep in this file what the render needs to go on after an interruption: written every now and then, at
+    /// Ctrl-C or the signal to terminate, and at the end
+    #[arg(long, value_name = "FILE")]
+    pub(super) checkpoint: Option<PathBuf>,
+
+    /// Seconds between two checkpoints [default: 60]
+    #[arg(
+        long,
+        value_name = "S",
+        requires = "checkpoint",
+        allow_negative_numbers = true
+    )]
+    pub(super) checkpoint_every: Option<f64>,
+
+    /// Go on with the render in the checkpoint, to the same image as without interruption; from the beginning
+    /// if the file is not there yet. Samples, seconds and error are those of the whole render
+    #[arg(long, requires = "checkpoint")]
+    pub(super) resume: bool,
 }
 
 /// What ends a render; at most one of them.

@@ -1,6 +1,7 @@
 //! What the arguments mean, after every check that needs no rendering.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use crate::error::{Error, Result};
 use crate::film::{ImageFormat, check_memory, check_writable};
@@ -11,7 +12,7 @@ use crate::scene::{
     SceneDescription,
 };
 
-use super::args::{BudgetArgs, RenderArgs, SceneArgs};
+use super::args::{BudgetArgs, CheckpointArgs, RenderArgs, SceneArgs};
 
 /// Scene of the default command, as a path from the repository's root.
 pub(super) const BUILT_IN_PATH: &str = "scenes/hexroom.toml";
@@ -24,6 +25,9 @@ const MAX_SIDE: u32 = 65_535;
 
 /// Most worker threads. Beyond any machine; it stops a slip of the keyboard from exhausting one.
 pub(super) const MAX_THREADS: usize = 4096;
+
+/// Seconds between two checkpoints unless others are asked for.
+const CHECKPOINT_EVERY: f64 = 60.0;
 
 /// Largest fixed bias of secondary rays, as for coordinates.
 const MAX_SHADOW_BIAS: f64 = 1.8e18;
@@ -46,7 +50,43 @@ pub(super) struct RenderJob {
     /// Images to write, at least one.
     pub(super) images: Vec<PathBuf>,
     pub(super) report: Option<PathBuf>,
+    pub(super) checkpoint: Option<CheckpointJob>,
     pub(super) quiet: bool,
+}
+
+/// Where and when checkpoints are written.
+#[derive(Debug)]
+pub(super) struct CheckpointJob {
+    pub(super) file: PathBuf,
+    pub(super) every: Duration,
+    /// Whether the render is to go on with what is in the file.
+    pub(super) resume: bool,
+    /// Whether it is there.
+    pub(super) exists: bool,
+}
+
+impl CheckpointJob {
+    /// `None` if none was asked for. Errors rather than to overwrite what might still be of use.
+    fn new(args: &CheckpointArgs) -> Result<Option<Self>> {
+        check_positive("--checkpoint-every", args.checkpoint_every)?;
+        let Some(file) = args.checkpoint.clone() else {
+            return Ok(None);
+        };
+        let exists = file.exists();
+        if exists && !args.resume {
+            return Err(Error::usage(format!(
+                "{}: is there already; give --resume to go on with it, or name another file",
+                file.display()
+            )));
+        }
+        let every = args.checkpoint_every.unwrap_or(CHECKPOINT_EVERY);
+        Ok(Some(Self {
+            file,
+            every: Duration::try_from_secs_f64(every).unwrap_or(Duration::MAX),
+            resume: args.resume,
+            exists,
+        }))
+    }
 }
 
 impl SceneJob {
@@ -124,7 +164,9 @@ impl RenderJob {
             [] => vec![default_image(&args.scene.scene)],
             given => given.to_vec(),
         };
-        check_outputs(&images, args.report.as_deref())?;
+        let checkpoint = CheckpointJob::new(&args.checkpoint)?;
+        let checkpoint_file = checkpoint.as_ref().map(|job| job.file.as_path());
+        check_outputs(&images, args.report.as_deref(), checkpoint_file)?;
         let load = || SceneJob::new(&args.scene);
         let mut scene_job = match args.threads {
             Some(threads) => thread_pool(threads)?.install(load)?,
@@ -139,6 +181,7 @@ impl RenderJob {
             scene_job,
             images,
             report: args.report.clone(),
+            checkpoint,
             quiet: args.quiet,
         }
         .checked()
@@ -147,11 +190,12 @@ impl RenderJob {
     /// The default command: the hexagonal room into `hexroom.png`.
     pub(super) fn built_in() -> Result<Self> {
         let images = vec![default_image(Path::new(BUILT_IN_PATH))];
-        check_outputs(&images, None)?;
+        check_outputs(&images, None, None)?;
         Self {
             scene_job: SceneJob::built_in()?,
             images,
             report: None,
+            checkpoint: None,
             quiet: false,
         }
         .checked()
@@ -215,13 +259,23 @@ fn budget(args: &BudgetArgs) -> Result<Option<Budget>> {
 }
 
 /// Errors if an image's format is unknown, two outputs are the same file, or one cannot be written.
-fn check_outputs(images: &[PathBuf], report: Option<&Path>) -> Result<()> {
+fn check_outputs(
+    images: &[PathBuf],
+    report: Option<&Path>,
+    checkpoint: Option<&Path>,
+) -> Result<()> {
     for image in images {
         ImageFormat::from_path(image)?;
     }
     report.map_or(Ok(()), check_report_name)?;
-    let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
-    let places: Vec<PathBuf> = images.iter().map(absolute).collect();
+    let outputs: Vec<&Path> = images
+        .iter()
+        .map(PathBuf::as_path)
+        .chain(report)
+        .chain(checkpoint)
+        .collect();
+    let absolute = |path: &&Path| std::path::absolute(path).unwrap_or(path.to_path_buf());
+    let places: Vec<PathBuf> = outputs.iter().map(absolute).collect();
     for (index, place) in places.iter().enumerate() {
         if places[..index].contains(place) {
             return Err(Error::usage(format!(
@@ -230,11 +284,7 @@ fn check_outputs(images: &[PathBuf], report: Option<&Path>) -> Result<()> {
             )));
         }
     }
-    images
-        .iter()
-        .map(PathBuf::as_path)
-        .chain(report)
-        .try_for_each(check_writable)
+    outputs.into_iter().try_for_each(check_writable)
 }
 
 /// Errors unless the name of a report ends in `.json`.
@@ -360,12 +410,21 @@ mod tests {
     fn outputs_must_have_a_known_format_and_differ() {
         let directory = tempfile::tempdir().unwrap();
         let at = |name: &str| directory.path().join(name);
-        assert!(check_outputs(&[at("a.png"), at("a.exr")], Some(&at("a.json"))).is_ok());
-        let twice = check_outputs(&[at("a.png"), at("./a.png")], None).unwrap_err();
+        assert!(
+            check_outputs(
+                &[at("a.png"), at("a.exr")],
+                Some(&at("a.json")),
+                Some(&at("a"))
+            )
+            .is_ok()
+        );
+        let twice = check_outputs(&[at("a.png"), at("./a.png")], None, None).unwrap_err();
         assert!(twice.message.contains("named twice"), "{twice}");
-        let report = check_outputs(&[at("a.png")], Some(&at("a.toml"))).unwrap_err();
+        let report = check_outputs(&[at("a.png")], Some(&at("a.toml")), None).unwrap_err();
+        let checkpoint = check_outputs(&[at("a.png")], None, Some(&at("a.png"))).unwrap_err();
+        assert!(checkpoint.message.contains("named twice"), "{checkpoint}");
         assert!(report.message.contains("must end in .json"), "{report}");
-        assert!(check_outputs(&[at("a.bmp")], None).is_err());
-        assert!(check_outputs(&[at("no/a.png")], None).is_err());
+        assert!(check_outputs(&[at("a.bmp")], None, None).is_err());
+        assert!(check_outputs(&[at("no/a.png")], None, None).is_err());
     }
 }

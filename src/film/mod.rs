@@ -3,6 +3,7 @@
 //! Samples arrive in blocks. A block contributes the sum of its samples' radiance; the spread of the
 //! block means is the only source of the error estimate, so it holds for stratified samples too.
 
+pub mod checkpoint;
 pub mod compare;
 pub mod error;
 pub(crate) mod memory;
@@ -10,6 +11,7 @@ pub mod openexr;
 pub mod output;
 mod png;
 
+pub use checkpoint::{Checkpoint, read_checkpoint, write_checkpoint};
 pub(crate) use compare::difference_rgb8;
 pub use compare::{Comparison, compare, write_difference};
 pub use error::ErrorEstimate;
@@ -33,7 +35,7 @@ pub(crate) struct PixelSums {
     /// N = Σ n_b.
     pub(crate) samples: u64,
     /// B.
-    blocks: u64,
+    pub(crate) blocks: u64,
 }
 
 impl PixelSums {

@@ -22,7 +22,7 @@
 //! A render of a given length has one floor; one that ends by time or error doubles it again and again.
 //! A tile is the unit because a work item is: single pixels would leave lanes empty.
 
-use super::schedule::{Blocks, Tiles};
+use super::schedule::{Blocks, MOST_BLOCKS, Tiles};
 use crate::compile::WorkItem;
 use crate::error::{Error, Result};
 use crate::film::{Film, PixelSums, RELATIVE_EPSILON, relative_variance};
@@ -42,6 +42,9 @@ const MOST_FLOORS: f64 = 16.0;
 /// The least root of a tile's variance, as a share of the mean over tiles: what has not been seen to vary may
 /// vary yet, and is next when the noisier ones have all they may have.
 const LEAST_SPREAD: f64 = 1e-3;
+
+/// Most floors: each has twice the samples of the one before.
+const MOST_FLOORS_KNOWN: usize = 64;
 
 /// Which work items exist, decided round by round.
 #[derive(Debug)]
@@ -122,9 +125,93 @@ impl Adaptive {
         Self::new(&settings, tiles).expect("there is no number of samples to be too small")
     }
 
-    /// Samples of the largest block.
-    pub fn largest_block(&self) -> u32 {
-        self.blocks.largest()
+    /// The blocks of each half.
+    pub(super) fn blocks(&self) -> &Blocks {
+        &self.blocks
+    }
+
+    /// The tiles.
+    pub(super) fn tiles(&self) -> Tiles {
+        self.tiles
+    }
+
+    /// Mean samples per pixel of a half at the end, if the render has a given length.
+    pub(super) fn mean(&self) -> Option<f64> {
+        self.mean
+    }
+
+    /// Blocks of a tile in a half after the finished rounds.
+    pub(super) fn done(&self, tile: usize, half: usize) -> u64 {
+        self.halves[half].done[tile]
+    }
+
+    /// Where the schedule is, for [`Self::resume`].
+    pub(super) fn words(&self) -> Vec<u64> {
+        let mut words = vec![
+            self.stage as u64,
+            self.beyond_floor.into(),
+            self.floors.len() as u64,
+        ];
+        words.extend(&self.floors);
+        for half in &self.halves {
+            words.extend([
+                half.epsilon.is_some().into(),
+                half.epsilon.unwrap_or(0.0).to_bits(),
+                half.variances.len() as u64,
+            ]);
+            words.extend(half.done.iter().chain(&half.target));
+            words.extend(half.variances.iter().flatten().map(|v| v.to_bits()));
+        }
+        words
+    }
+
+    /// Goes to where a schedule of the same settings was. `None` if there is no such place; the schedule is then of no use.
+    pub(super) fn resume(&mut self, words: &[u64]) -> Option<()> {
+        let tiles = self.weights.len();
+        let mut words = words.iter().copied();
+        let mut take = |count: usize| -> Option<Vec<u64>> {
+            let taken: Vec<u64> = words.by_ref().take(count).collect();
+            (taken.len() == count).then_some(taken)
+        };
+        let [stage, beyond_floor, floors] = take(3)?.try_into().ok()?;
+        self.floors = take(
+            usize::try_from(floors)
+                .ok()
+                .filter(|n| *n <= MOST_FLOORS_KNOWN)?,
+        )?;
+        self.stage = usize::try_from(stage).ok()?;
+        self.beyond_floor = beyond_floor != 0;
+        let floor = *self.floors.get(self.stage)?;
+        let is_rising = self.floors.is_sorted_by(|a, b| a < b);
+        let is_only = self.mean.is_none() || self.floors.len() == 1;
+        if !is_rising || !is_only || self.floors.iter().any(|floor| *floor > MOST_BLOCKS) {
+            return None;
+        }
+        for half in &mut self.halves {
+            let [has_epsilon, epsilon, rows] = take(3)?.try_into().ok()?;
+            half.epsilon = (has_epsilon != 0).then_some(f64::from_bits(epsilon));
+            half.done = take(tiles)?;
+            half.target = take(tiles)?;
+            let rows = usize::try_from(rows)
+                .ok()
+                .filter(|rows| *rows <= self.floors.len())?;
+            let row = |_| Some(take(tiles)?.into_iter().map(f64::from_bits).collect());
+            half.variances = (0..rows).map(row).collect::<Option<_>>()?;
+            // What was decided: no tile ends below the floor, nor has more than it is to have; and each floor
+            // that a tile has reached has its variances.
+            let sound = |(done, target): (&u64, &u64)| {
+                done <= target && (floor..=MOST_BLOCKS).contains(target)
+            };
+            let most = half.done.iter().max()?;
+            let reached = self.floors.partition_point(|floor| floor <= most);
+            if !half.done.iter().zip(&half.target).all(sound) || rows < reached {
+                return None;
+            }
+        }
+        // A floor is known as soon as a tile reaches it.
+        let most = self.halves.iter().flat_map(|half| &half.done).max()?;
+        let all_known = self.next_floor().is_none_or(|floor| floor > *most);
+        (all_known && take(1).is_none()).then_some(())
     }
 
     /// The next round: at most one block of each half of each tile. Empty when the render is complete.

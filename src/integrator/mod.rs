@@ -5,6 +5,7 @@
 //! each pixel's blocks are added in order, whatever the number of threads: the film is bit-identical.
 
 pub mod adaptive;
+pub mod checkpoint;
 pub mod clock;
 pub mod plan;
 pub mod schedule;
@@ -28,6 +29,7 @@ use crate::stage::Kernels;
 use crate::wave::{COUNTED_DEPTHS, Wave};
 
 use adaptive::Adaptive;
+use checkpoint::{Earlier, Past, Resume, Saver, Saving};
 use clock::{StageClock, Step, thread_cpu_seconds};
 use schedule::{Schedule, Tiles};
 use stats::{DepthStats, EndReason, Progress, RenderStats, StageStats};
@@ -47,6 +49,8 @@ pub struct Outcome {
     pub stats: RenderStats,
     /// What ended it.
     pub ended: EndReason,
+    /// What had been done of it before, if it was resumed.
+    pub earlier: Option<Earlier>,
 }
 
 /// Called with the state of the render every now and then, from any worker; to stop the render it
@@ -75,50 +79,107 @@ pub fn render(
     settings: &RenderSettings,
     observer: &Observer<'_>,
 ) -> Result<Outcome> {
+    render_resumable(scene, compiled, settings, observer, None, None)
+}
+
+/// As [`render`], from where an interrupted render had come to, and with checkpoints. A budget is that of
+/// the whole render, what was done before included.
+///
+/// # Errors
+/// As [`render`].
+///
+/// # Panics
+/// If what is resumed was read for a scene with another size of film or for other settings.
+pub fn render_resumable(
+    scene: &SceneDescription,
+    compiled: &CompiledScene,
+    settings: &RenderSettings,
+    observer: &Observer<'_>,
+    resume: Option<Resume>,
+    saving: Option<Saving<'_>>,
+) -> Result<Outcome> {
     let tiles = Tiles::new(compiled.width, compiled.height);
-    let mut schedule = Schedule::new(settings, tiles)?;
-    let mut session = Session::new(scene, compiled, settings, schedule.largest_block())?;
+    let (mut schedule, film, past) = match resume {
+        Some(resume) => resume.parts(),
+        None => (Schedule::new(settings, tiles)?, None, Past::default()),
+    };
+    let Past {
+        mut rounds,
+        mut estimated_at,
+        error,
+        earlier,
+        stats,
+    } = past;
+    let largest = schedule.largest_block();
+    let mut session = Session::with_film(scene, compiled, settings, largest, film)?;
+    session.error = error;
+    session.earlier = stats;
+    let mut saver = Saver::new(saving, earlier.as_ref(), session.paths);
     let pixels = session.film().len() as u64;
-    let start = Instant::now();
-    let (mut rounds, mut seconds, mut seconds_per_path, mut estimated_at) = (0, 0.0, 0.0, 0);
-    let ended = loop {
+    let mut seconds = session.earlier.wall_seconds;
+    let mut seconds_per_path = match session.paths {
+        0 => 0.0,
+        paths => seconds / paths as f64,
+    };
+    let ended = 'render: loop {
+        if let Budget::Error(goal) = settings.budget
+            && estimated_at == session.paths
+        {
+            let known = session.error.filter(|_| rounds >= BLOCKS_BEFORE_ERROR);
+            if known.is_some_and(|error| error <= goal) {
+                break EndReason::Error;
+            }
+        }
         let items = schedule.round();
         if items.is_empty() {
             break EndReason::Samples;
         }
-        let paths: u64 = items.iter().map(|item| u64::from(item.paths())).sum();
+        let mut missing = schedule.missing(&items, session.film());
+        let paths: u64 = missing.iter().map(|item| u64::from(item.paths())).sum();
         // Not begun if it would overrun: a path takes as long as in the last round.
         if let Budget::Seconds(limit) = settings.budget
             && seconds + seconds_per_path * paths as f64 > limit
         {
             break EndReason::Seconds;
         }
-        if session.trace(&items, observer).is_break() {
-            break EndReason::Interrupted;
+        if schedule.is_short() {
+            saver.save(&mut session, &schedule, rounds, estimated_at);
+            saver.stop();
+        }
+        while !missing.is_empty() {
+            let (done, flow) = session.trace(&missing, saver.due(), observer);
+            missing.drain(..done);
+            if flow.is_break() {
+                break 'render EndReason::Interrupted;
+            }
+            if !missing.is_empty() {
+                saver.save(&mut session, &schedule, rounds, estimated_at);
+            }
         }
         schedule.finished(&items, session.film());
-        let now = start.elapsed().as_secs_f64();
-        seconds_per_path = (now - seconds) / paths as f64;
+        let now = session.seconds();
+        // All of them may have been in the film before.
+        if paths > 0 {
+            seconds_per_path = (now - seconds) / paths as f64;
+        }
         seconds = now;
         rounds += 1;
         // An adaptive round may be short: the error is estimated once per sample of every pixel at most.
         if session.paths - estimated_at >= pixels {
             estimated_at = session.paths;
             session.error = session.film().relative_error();
-            if let Budget::Error(goal) = settings.budget {
-                let known = session.error.filter(|_| rounds >= BLOCKS_BEFORE_ERROR);
-                if known.is_some_and(|error| error <= goal) {
-                    break EndReason::Error;
-                }
-            }
+        }
+        if saver.due().is_some_and(|due| due <= Instant::now()) {
+            saver.save(&mut session, &schedule, rounds, estimated_at);
         }
     };
-    let stats = RenderStats {
-        wall_seconds: start.elapsed().as_secs_f64(),
-        ..session.stats()
-    };
-    let film = session.into_film();
-    Ok(Outcome { film, stats, ended })
+    saver.save(&mut session, &schedule, rounds, estimated_at);
+    Ok(Outcome {
+        stats: session.stats_until_now(),
+        film: session.into_film(),
+        ended,
+        earlier,
+    })
 }
 
 /// A render that goes on round by round for as long as its owner asks. Its clocks run in rounds alone:
@@ -138,10 +199,12 @@ pub struct Session<'a> {
     blocks: u64,
     /// Samples per pixel in them, of an adaptive render their mean rounded down.
     samples: u64,
-    /// Paths of all complete rounds.
+    /// Paths in the film.
     paths: u64,
     /// Wall seconds in rounds.
     wall_seconds: f64,
+    /// Counts and times of earlier sessions, if the render was resumed.
+    earlier: RenderStats,
     /// Error estimate to tell the observer.
     error: Option<f64>,
     started: Instant,
@@ -159,14 +222,33 @@ impl<'a> Session<'a> {
         settings: &RenderSettings,
         largest_block: u32,
     ) -> Result<Self> {
+        Self::with_film(scene, compiled, settings, largest_block, None)
+    }
+
+    /// As [`Self::new`], with what is in `film` already.
+    fn with_film(
+        scene: &SceneDescription,
+        compiled: &'a CompiledScene,
+        settings: &RenderSettings,
+        largest_block: u32,
+        film: Option<Film>,
+    ) -> Result<Self> {
         let pool = thread_pool(settings.threads)?;
         let (width, height) = (compiled.width, compiled.height);
-        let film = if settings.adaptive {
-            check_memory(width, height, settings.aux, 2)?;
-            Film::halved(width, height, settings.aux)
-        } else {
-            check_memory(width, height, settings.aux, 1)?;
-            Film::new(width, height, settings.aux)
+        let film = match film {
+            Some(film) => {
+                assert_eq!((film.width(), film.height()), (width, height));
+                assert_eq!(film.halves() == 2, settings.adaptive);
+                film
+            }
+            None if settings.adaptive => {
+                check_memory(width, height, settings.aux, 2)?;
+                Film::halved(width, height, settings.aux)
+            }
+            None => {
+                check_memory(width, height, settings.aux, 1)?;
+                Film::new(width, height, settings.aux)
+            }
         };
         let reference = match settings.integrator {
             IntegratorKind::Reference => Some(Reference::new(
@@ -187,11 +269,12 @@ impl<'a> Session<'a> {
             tiles: Tiles::new(width, height),
             reference,
             workers: (0..settings.threads).map(worker).collect(),
+            paths: film.total_samples(),
             film: Mutex::new(film),
             blocks: 0,
             samples: 0,
-            paths: 0,
             wall_seconds: 0.0,
+            earlier: RenderStats::default(),
             error: None,
             started: Instant::now(),
         })
@@ -210,7 +293,7 @@ impl<'a> Session<'a> {
             return flow;
         }
         let items = self.tiles.items(self.blocks, (self.samples, samples));
-        let flow = self.trace(&items, observer);
+        let (_, flow) = self.trace(&items, None, observer);
         self.blocks += 1;
         self.samples += u64::from(samples);
         flow
@@ -227,25 +310,35 @@ impl<'a> Session<'a> {
         let goal = self.paths + u64::from(samples) * pixels;
         while self.paths < goal {
             let items = adaptive.round();
-            self.trace(&items, observer)?;
+            self.trace(&items, None, observer).1?;
             adaptive.finished(&items, self.film());
         }
         self.samples = self.paths / pixels;
         ControlFlow::Continue(())
     }
 
-    /// Renders work items, of which no two belong to one tile (of one half of the film). Breaks if the
-    /// observer does, some of them then being left out.
-    fn trace(&mut self, items: &[WorkItem], observer: &Observer<'_>) -> ControlFlow<()> {
+    /// Renders work items, of which no two belong to one tile (of one half of the film). Returns how many: the
+    /// first ones, and all of them unless the observer breaks or it is later than `until`. In that case
+    /// every worker has rendered one. Breaks if the observer does.
+    fn trace(
+        &mut self,
+        items: &[WorkItem],
+        until: Option<Instant>,
+        observer: &Observer<'_>,
+    ) -> (usize, ControlFlow<()>) {
         let shared = Shared {
             film: &self.film,
             observer,
             last_observed: Mutex::new(self.started),
             interrupted: AtomicBool::new(false),
-            rays: AtomicU64::new(self.locked_workers().map(|w| w.rays()).sum()),
+            rays: AtomicU64::new(
+                self.earlier.rays() + self.locked_workers().map(|w| w.rays()).sum::<u64>(),
+            ),
         };
         let pixels = f64::from(self.compiled.width) * f64::from(self.compiled.height);
-        let paths: u64 = items.iter().map(|item| u64::from(item.paths())).sum();
+        let paths_of =
+            |items: &[WorkItem]| -> u64 { items.iter().map(|item| u64::from(item.paths())).sum() };
+        let paths = paths_of(items);
         let start = Instant::now();
         let next_item = AtomicUsize::new(0);
         self.pool.broadcast(|context| {
@@ -265,16 +358,23 @@ impl<'a> Session<'a> {
                         let done = (index + 1) as f64 / items.len() as f64;
                         self.progress((self.paths as f64 + done * paths as f64) / pixels)
                     });
+                    if until.is_some_and(|until| until <= Instant::now()) {
+                        break;
+                    }
                 }
             });
         });
         let interrupted = shared.interrupted.into_inner();
         self.wall_seconds += start.elapsed().as_secs_f64();
-        if interrupted {
-            return ControlFlow::Break(());
-        }
-        self.paths += paths;
-        ControlFlow::Continue(())
+        // Whoever takes an item renders it.
+        let done = next_item.into_inner().min(items.len());
+        self.paths += paths_of(&items[..done]);
+        let flow = if interrupted {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        };
+        (done, flow)
     }
 
     /// Samples per pixel in the rounds so far, of an adaptive render their mean rounded down.
@@ -297,14 +397,29 @@ impl<'a> Session<'a> {
         self.film.into_inner().expect("no worker panicked")
     }
 
-    /// Counts and times of all rounds so far.
+    /// Counts and times of all rounds so far, and of earlier sessions.
     pub fn stats(&self) -> RenderStats {
-        summarise(
+        let mut stats = summarise(
             self.compiled,
             &self.settings,
             self.locked_workers(),
             self.wall_seconds,
-        )
+        );
+        stats.add(&self.earlier);
+        stats
+    }
+
+    /// As [`Self::stats`], with all wall seconds since the start, between rounds too.
+    fn stats_until_now(&self) -> RenderStats {
+        RenderStats {
+            wall_seconds: self.seconds(),
+            ..self.stats()
+        }
+    }
+
+    /// Wall seconds since the start, and of earlier sessions.
+    fn seconds(&self) -> f64 {
+        self.earlier.wall_seconds + self.started.elapsed().as_secs_f64()
     }
 
     /// The workers, none of which is at work.
@@ -315,7 +430,7 @@ impl<'a> Session<'a> {
 
     /// What the observer is told when there are `done` samples per pixel.
     fn progress(&self, done: f64) -> Progress {
-        let seconds = self.started.elapsed().as_secs_f64();
+        let seconds = self.seconds();
         let fraction = match self.settings.budget {
             Budget::Samples(total) => (done / total as f64).min(1.0),
             Budget::Seconds(total) => (seconds / total).min(1.0),
@@ -574,6 +689,7 @@ fn summarise<'w>(
     if settings.integrator != IntegratorKind::Reference {
         let slots = (passes.count * settings.wave as u64).max(1) as f64;
         stats.passes = passes.count;
+        stats.slots = passes.count * settings.wave as u64;
         stats.queue_fill = passes.rays as f64 / slots;
         for depth in &mut depths {
             depth.queue_fill = depth.rays as f64 / slots;

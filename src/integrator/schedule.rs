@@ -1,5 +1,7 @@
 //! Rounds, blocks and tiles: in which order a render's work items exist, and when it ends.
 
+use serde::{Deserialize, Serialize};
+
 use super::adaptive::Adaptive;
 use crate::compile::{TILE, WorkItem};
 use crate::error::Result;
@@ -7,7 +9,8 @@ use crate::film::Film;
 use crate::scene::{Budget, RenderSettings};
 
 /// The blocks of a render: block b is the same for every budget of its kind, however it ends.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Blocks {
     /// Samples of a full block.
     full: u32,
@@ -55,14 +58,15 @@ impl Blocks {
         }
     }
 
-    /// Samples in the first `count` blocks of a render without end.
+    /// Samples in the first `count` blocks.
     pub fn samples(&self, count: u64) -> u64 {
-        self.get(count).map_or(0, |(first, _)| first)
+        let (first, _) = self.whole(count);
+        self.total.map_or(first, |total| first.min(total))
     }
 
     /// How many blocks come closest to `samples` in a render without end, the fewer if two do.
     pub fn count(&self, samples: f64) -> u64 {
-        let (mut low, mut high) = (0, samples as u64 + 1);
+        let (mut low, mut high) = (0, (samples as u64).saturating_add(1));
         while low < high {
             let middle = low + (high - low) / 2;
             if (self.samples(middle) as f64) < samples {
@@ -85,23 +89,65 @@ impl Blocks {
 
     /// First sample and number of samples of block `block`, or `None` past the last.
     pub fn get(&self, block: u64) -> Option<(u64, u32)> {
-        let full = u64::from(self.full);
-        let (first, samples) = if self.growing {
-            // Blocks of 1, 1, 2, 4, …: after k ≥ 1 of them there are 2^(k−1) samples.
-            let ramp = u64::from(self.full.ilog2()) + 1;
-            let ramp_samples = 1 << (ramp - 1);
-            match block {
-                0 => (0, 1),
-                b if b < ramp => (1 << (b - 1), 1 << (b - 1)),
-                b => (ramp_samples + (b - ramp) * full, full),
-            }
-        } else {
-            (block * full, full)
-        };
+        let (first, samples) = self.whole(block);
         match self.total {
             Some(total) if first >= total => None,
-            Some(total) => Some((first, samples.min(total - first) as u32)),
-            None => Some((first, samples as u32)),
+            Some(total) => Some((first, u64::from(samples).min(total - first) as u32)),
+            None => Some((first, samples)),
+        }
+    }
+
+    /// Whether a longer render has more samples in block `block` than this one.
+    fn is_short(&self, block: u64) -> bool {
+        self.get(block)
+            .is_some_and(|(_, samples)| samples < self.whole(block).1)
+    }
+
+    /// As [`Self::get`], of a render without end.
+    fn whole(&self, block: u64) -> (u64, u32) {
+        let full = u64::from(self.full);
+        // Saturating: a user may ask for as many samples as there are numbers.
+        if !self.growing {
+            return (block.saturating_mul(full), self.full);
+        }
+        // Blocks of 1, 1, 2, 4, …: after k ≥ 1 of them there are 2^(k−1) samples.
+        let ramp = u64::from(self.full.ilog2()) + 1;
+        match block {
+            0 => (0, 1),
+            b if b < ramp => (1 << (b - 1), 1 << (b - 1)),
+            b => {
+                let beyond = (b - ramp).saturating_mul(full);
+                (beyond.saturating_add(1 << (ramp - 1)), self.full)
+            }
+        }
+    }
+
+    /// Errors, with the reason, unless a render in these blocks has begun as one in `other` blocks does.
+    fn check_beginning(&self, other: &Self) -> std::result::Result<(), String> {
+        match (self.growing, other.growing) {
+            (true, false) => Err(
+                "was begun with a given number of samples, in blocks that a render until a time or an error \
+                 has not: give --spp"
+                    .to_owned(),
+            ),
+            (false, true) => Err(
+                "was begun until a time or an error, in blocks that a render of a given number of samples \
+                 has not: give --seconds or --error"
+                    .to_owned(),
+            ),
+            _ if self.full == other.full => Ok(()),
+            _ => {
+                let remedy = match self.total {
+                    Some(total) if total.div_ceil(4) < u64::from(other.full) => {
+                        format!("--spp {} or more", 4 * u64::from(other.full) - 3)
+                    }
+                    _ => format!("--block {}", other.full),
+                };
+                Err(format!(
+                    "was begun in blocks of {} samples per pixel, and this render has blocks of {}: give {remedy}",
+                    other.full, self.full
+                ))
+            }
         }
     }
 }
@@ -171,6 +217,22 @@ pub enum Schedule {
     Adaptive(Box<Adaptive>),
 }
 
+/// Where a schedule is, with what it must have in common with the schedule of a render that goes on there.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Position {
+    /// The blocks.
+    blocks: Blocks,
+    /// Block of the next round; 0 of an adaptive render, whose tiles have each their own.
+    block: u64,
+    /// Mean samples per pixel of a half at the end of an adaptive render of a given length.
+    mean: Option<f64>,
+}
+
+/// Most blocks of a pixel: so many that no render has them, and so few that counts of samples are far from the
+/// ends of their types.
+pub(super) const MOST_BLOCKS: u64 = 1 << 40;
+
 impl Schedule {
     /// The schedule of a render with these settings.
     ///
@@ -190,13 +252,11 @@ impl Schedule {
 
     /// Samples of the largest block.
     pub fn largest_block(&self) -> u32 {
-        match self {
-            Self::Uniform { blocks, .. } => blocks.largest(),
-            Self::Adaptive(adaptive) => adaptive.largest_block(),
-        }
+        self.blocks().largest()
     }
 
-    /// The work items of the next round; none when the render is complete.
+    /// The work items of the next round; none when the render is complete. The same ones until they are
+    /// finished.
     pub fn round(&mut self) -> Vec<WorkItem> {
         match self {
             Self::Uniform {
@@ -215,6 +275,141 @@ impl Schedule {
         match self {
             Self::Uniform { block, .. } => *block += 1,
             Self::Adaptive(adaptive) => adaptive.finished(items, film),
+        }
+    }
+
+    /// Those of a round's items that are not in the film yet.
+    pub fn missing(&self, items: &[WorkItem], film: &Film) -> Vec<WorkItem> {
+        let tiles = self.tiles();
+        let is_missing = |item: &&WorkItem| {
+            let sums = &film.half(item.half())[item.image_index(0)];
+            sums.blocks == self.done(tiles.index(item), item.half())
+        };
+        items.iter().filter(is_missing).copied().collect()
+    }
+
+    /// Whether the next round is a last one of fewer samples than it has in a longer render.
+    pub fn is_short(&self) -> bool {
+        match self {
+            Self::Uniform { blocks, block, .. } => blocks.is_short(*block),
+            // A longer render is another one from the start.
+            Self::Adaptive(_) => false,
+        }
+    }
+
+    /// Where the schedule is, for [`Self::resume`].
+    pub fn position(&self) -> (Position, Vec<u64>) {
+        let (block, words) = match self {
+            Self::Uniform { block, .. } => (*block, Vec::new()),
+            Self::Adaptive(adaptive) => (0, adaptive.words()),
+        };
+        let position = Position {
+            blocks: *self.blocks(),
+            block,
+            mean: self.mean(),
+        };
+        (position, words)
+    }
+
+    /// Goes to where another schedule was when all finished rounds and part of the next one were in `film`.
+    ///
+    /// # Errors
+    /// With the reason, if this schedule does not come by there or the film is not the one that it has there.
+    pub fn resume(
+        &mut self,
+        position: &Position,
+        words: &[u64],
+        film: &Film,
+    ) -> std::result::Result<(), String> {
+        let damaged = || "is damaged: its film is not that of its schedule".to_owned();
+        if let (Some(now), Some(then)) = (self.mean(), position.mean)
+            && now != then
+        {
+            return Err(
+                "is of an adaptive render, which has placed its samples by their number and cannot be given \
+                 another"
+                    .to_owned(),
+            );
+        }
+        self.blocks().check_beginning(&position.blocks)?;
+        match self {
+            Self::Uniform { blocks, block, .. } => {
+                if let Some(total) = blocks.total
+                    && total < film.max_samples()
+                {
+                    return Err(format!(
+                        "has {} samples per pixel, more than --spp {total}",
+                        film.max_samples()
+                    ));
+                }
+                *block = position.block;
+            }
+            Self::Adaptive(adaptive) => {
+                adaptive.resume(words).ok_or_else(damaged)?;
+            }
+        }
+        if self.mean() != position.mean {
+            return Err(damaged());
+        }
+        let bounded = position.block <= MOST_BLOCKS;
+        (bounded && self.has_come_to(film))
+            .then_some(())
+            .ok_or_else(damaged)
+    }
+
+    /// Whether the film has the blocks of all finished rounds at every pixel, and of the next round those of
+    /// some tiles.
+    fn has_come_to(&mut self, film: &Film) -> bool {
+        let tiles = self.tiles();
+        let next = self.round();
+        (0..film.halves()).all(|half| {
+            let mut most: Vec<u64> = (0..tiles.count())
+                .map(|tile| self.done(tile, half))
+                .collect();
+            for item in next.iter().filter(|item| item.half() == half) {
+                most[tiles.index(item)] += 1;
+            }
+            let sums = film.half(half);
+            most.into_iter().enumerate().all(|(tile, most)| {
+                let item = tiles.item(tile, 0, (0, 1));
+                let blocks = sums[item.image_index(0)].blocks;
+                let samples = self.blocks().samples(blocks.min(MOST_BLOCKS));
+                let is_whole = |pixel| {
+                    let sums = &sums[item.image_index(pixel)];
+                    sums.blocks == blocks && sums.samples == samples
+                };
+                (self.done(tile, half)..=most).contains(&blocks) && (0..item.pixels()).all(is_whole)
+            })
+        })
+    }
+
+    fn blocks(&self) -> &Blocks {
+        match self {
+            Self::Uniform { blocks, .. } => blocks,
+            Self::Adaptive(adaptive) => adaptive.blocks(),
+        }
+    }
+
+    /// Mean samples per pixel of a half at the end of an adaptive render of a given length.
+    fn mean(&self) -> Option<f64> {
+        match self {
+            Self::Uniform { .. } => None,
+            Self::Adaptive(adaptive) => adaptive.mean(),
+        }
+    }
+
+    fn tiles(&self) -> Tiles {
+        match self {
+            Self::Uniform { tiles, .. } => *tiles,
+            Self::Adaptive(adaptive) => adaptive.tiles(),
+        }
+    }
+
+    /// Blocks of a tile in a half of the film after the finished rounds.
+    fn done(&self, tile: usize, half: usize) -> u64 {
+        match self {
+            Self::Uniform { block, .. } => *block,
+            Self::Adaptive(adaptive) => adaptive.done(tile, half),
         }
     }
 }

@@ -1,8 +1,11 @@
 //! What a render counts and how it ends.
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::wave::Rejections;
+
+use super::clock::Step;
 
 /// CPU time of one stage, summed over workers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -15,8 +18,32 @@ pub struct StageStats {
     pub items: u64,
 }
 
+impl<'de> Deserialize<'de> for StageStats {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        /// As they are read.
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Record {
+            name: String,
+            cpu_seconds: f64,
+            items: u64,
+        }
+        let record = Record::deserialize(deserializer)?;
+        let mut steps = Step::ALL.into_iter().map(Step::name);
+        let unknown = || D::Error::custom(format!("no stage is called {}", record.name));
+        Ok(Self {
+            name: steps
+                .find(|name| *name == record.name)
+                .ok_or_else(unknown)?,
+            cpu_seconds: record.cpu_seconds,
+            items: record.items,
+        })
+    }
+}
+
 /// Rays at one depth (1 = camera rays), summed over the render.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct DepthStats {
     /// Closest-hit rays.
     pub rays: u64,
@@ -26,8 +53,9 @@ pub struct DepthStats {
     pub queue_fill: f64,
 }
 
-/// Counts and times of a render.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+/// Counts and times of a render; of one that was resumed, over all its sessions.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RenderStats {
     /// CPU seconds of all workers in work items.
     pub cpu_seconds: f64,
@@ -49,6 +77,8 @@ pub struct RenderStats {
     pub queue_fill: f64,
     /// Passes of the wave loop.
     pub passes: u64,
+    /// Slots of the wave over all passes.
+    pub slots: u64,
     /// Bytes of queues per path in flight.
     pub bytes_per_path: usize,
     /// Nodes visited by ray queries.
@@ -69,6 +99,39 @@ impl RenderStats {
     /// All rays.
     pub fn rays(&self) -> u64 {
         self.camera_rays + self.bounce_rays + self.shadow_rays
+    }
+
+    /// Adds the counts and times of an earlier session of the same render; shares become those of both together.
+    pub fn add(&mut self, earlier: &Self) {
+        let [now, then] = [self.slots, earlier.slots].map(|slots| slots as f64);
+        let mean = |a: f64, b: f64| (a * now + b * then) / (now + then).max(1.0);
+        self.queue_fill = mean(self.queue_fill, earlier.queue_fill);
+        let depths = self.depths.len().max(earlier.depths.len());
+        self.depths.resize(depths, DepthStats::default());
+        for (index, depth) in self.depths.iter_mut().enumerate() {
+            let before = earlier.depths.get(index).copied().unwrap_or_default();
+            depth.rays += before.rays;
+            depth.shadow_rays += before.shadow_rays;
+            depth.queue_fill = mean(depth.queue_fill, before.queue_fill);
+        }
+        for (stage, before) in self.stages.iter_mut().zip(&earlier.stages) {
+            stage.cpu_seconds += before.cpu_seconds;
+            stage.items += before.items;
+        }
+        self.cpu_seconds += earlier.cpu_seconds;
+        self.wall_seconds += earlier.wall_seconds;
+        self.paths += earlier.paths;
+        self.camera_rays += earlier.camera_rays;
+        self.bounce_rays += earlier.bounce_rays;
+        self.shadow_rays += earlier.shadow_rays;
+        self.passes += earlier.passes;
+        self.slots += earlier.slots;
+        self.accel_nodes += earlier.accel_nodes;
+        self.accel_tests += earlier.accel_tests;
+        self.rejected += earlier.rejected;
+        self.rejected_by_stage.add(&earlier.rejected_by_stage);
+        self.clamped += earlier.clamped;
+        self.truncated += earlier.truncated;
     }
 }
 

@@ -71,6 +71,9 @@ pub struct Build {
     pub lanes: usize,
     /// Instruction sets that the compiler could use, comma separated.
     pub target_features: String,
+    /// The compiler with its version.
+    #[serde(default)]
+    pub compiler: String,
 }
 
 impl Build {
@@ -81,6 +84,7 @@ impl Build {
             commit: env!("WAVEPATH_COMMIT").to_owned(),
             lanes: LANES,
             target_features: env!("WAVEPATH_TARGET_FEATURES").to_owned(),
+            compiler: env!("WAVEPATH_COMPILER").to_owned(),
         }
     }
 }

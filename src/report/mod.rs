@@ -17,6 +17,7 @@ pub use machine::{Build, Machine};
 use serde::{Deserialize, Serialize};
 
 use crate::film::Film;
+use crate::integrator::checkpoint::Earlier;
 use crate::integrator::stats::{DepthStats, EndReason, RenderStats};
 use crate::scene::{IntegratorKind, RenderSettings};
 use crate::wave::Rejections;
@@ -48,7 +49,10 @@ pub struct RenderReport {
     /// What loading the scene took, and each mesh.
     #[serde(default)]
     pub load: LoadReport,
-    /// Where the time went, by phase.
+    /// Of a render that was resumed, what was done when; all counts and rates are those of the whole render.
+    #[serde(default)]
+    pub resumed: Option<ResumeReport>,
+    /// Where the time of this session went, by phase.
     pub times: Times,
     /// Camera paths.
     pub paths: PathReport,
@@ -110,6 +114,53 @@ pub struct ResultReport {
     pub truncated: u64,
     /// Files written.
     pub images: Vec<String>,
+    /// The checkpoint, if there is one.
+    #[serde(default)]
+    pub checkpoint: Option<String>,
+}
+
+/// How a render is divided in sessions.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResumeReport {
+    /// Sessions so far, this one included.
+    pub sessions: u32,
+    /// What the earlier ones have done.
+    pub before: SessionReport,
+    /// What this one has done.
+    pub after: SessionReport,
+}
+
+/// What was done in one session or several.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SessionReport {
+    /// Mean samples per pixel.
+    pub samples: f64,
+    /// CPU seconds of the workers.
+    pub cpu_seconds: f64,
+    /// Wall seconds of rendering.
+    pub wall_seconds: f64,
+}
+
+impl ResumeReport {
+    /// Of a render with `samples` per pixel on average after all sessions.
+    fn new(earlier: &Earlier, samples: f64, stats: &RenderStats) -> Self {
+        let before = SessionReport {
+            samples: earlier.samples,
+            cpu_seconds: earlier.cpu_seconds,
+            wall_seconds: earlier.wall_seconds,
+        };
+        Self {
+            sessions: earlier.sessions.saturating_add(1),
+            before,
+            after: SessionReport {
+                samples: samples - before.samples,
+                cpu_seconds: stats.cpu_seconds - before.cpu_seconds,
+                wall_seconds: stats.wall_seconds - before.wall_seconds,
+            },
+        }
+    }
 }
 
 impl ResultReport {
@@ -246,6 +297,10 @@ pub struct ReportInput<'a> {
     pub stats: &'a RenderStats,
     /// Why it ended.
     pub ended: EndReason,
+    /// What had been done before, if it was resumed.
+    pub earlier: Option<Earlier>,
+    /// The checkpoint, if there is one.
+    pub checkpoint: Option<String>,
     /// Loading the scene.
     pub load: LoadReport,
     /// The phases.
@@ -266,11 +321,14 @@ impl RenderReport {
             film,
             stats,
             ended,
+            earlier,
+            checkpoint,
             load,
             times,
             images,
         } = input;
         let rays = stats.rays();
+        let mean_samples = ratio(film.total_samples() as f64, film.len() as f64);
         let error = film.error_estimate();
         Self {
             format: FORMAT,
@@ -284,7 +342,7 @@ impl RenderReport {
                 ended,
                 min_samples: film.min_samples(),
                 max_samples: film.max_samples(),
-                mean_samples: ratio(film.total_samples() as f64, film.len() as f64),
+                mean_samples,
                 relative_error: error.map(|error| error.estimate),
                 relative_error_interval: error.map(|error| error.interval),
                 bias: bias(settings, stats),
@@ -293,8 +351,10 @@ impl RenderReport {
                 clamped: stats.clamped,
                 truncated: stats.truncated,
                 images,
+                checkpoint,
             },
             load,
+            resumed: earlier.map(|earlier| ResumeReport::new(&earlier, mean_samples, stats)),
             times,
             paths: PathReport {
                 count: stats.paths,
@@ -455,6 +515,7 @@ pub(crate) mod tests {
             ],
             queue_fill: 0.875,
             passes: 4,
+            slots: 4000,
             bytes_per_path: 96,
             accel_nodes: 0,
             accel_tests: 192_000,
@@ -488,6 +549,13 @@ pub(crate) mod tests {
             film: &film,
             stats: &stats,
             ended: EndReason::Interrupted,
+            earlier: Some(Earlier {
+                sessions: 2,
+                samples: 1.5,
+                cpu_seconds: 0.5,
+                wall_seconds: 0.25,
+            }),
+            checkpoint: Some("room.checkpoint".into()),
             load: load::tests::sample(),
             times: Times {
                 load: Span {
@@ -532,6 +600,17 @@ pub(crate) mod tests {
             (6, 6.0)
         );
         assert!(report.result.relative_error.is_some());
+    }
+
+    #[test]
+    fn sessions_of_a_resumed_render_add_up() {
+        let resumed = sample().resumed.unwrap();
+        assert_eq!(resumed.sessions, 3);
+        assert_eq!((resumed.before.samples, resumed.after.samples), (1.5, 4.5));
+        assert_eq!(
+            (resumed.after.cpu_seconds, resumed.after.wall_seconds),
+            (1.5, 0.75)
+        );
     }
 
     #[test]
@@ -590,6 +669,8 @@ pub(crate) mod tests {
             film: &Film::new(1, 1, false),
             stats: &RenderStats::default(),
             ended: EndReason::Interrupted,
+            earlier: None,
+            checkpoint: None,
             load: LoadReport::default(),
             times: Times::default(),
             images: Vec::new(),

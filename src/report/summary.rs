@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use crate::integrator::stats::EndReason;
 use crate::scene::{AccelKind, Budget};
 
-use super::{DepthReport, RenderReport, Span, ratio};
+use super::{DepthReport, RenderReport, ResumeReport, Span, ratio};
 
 /// Depths with a line of their own; deeper ones share the last line.
 const DEPTH_LINES: usize = 8;
@@ -45,6 +45,21 @@ impl RenderReport {
             _ => "no error estimate (it takes two blocks at every pixel)".to_owned(),
         };
         writeln!(f, "{error}; ended by {}", self.end())?;
+        if let Some(ResumeReport {
+            sessions,
+            before,
+            after,
+        }) = &self.resumed
+        {
+            writeln!(
+                f,
+                "resumed, session {sessions}: {} samples per pixel in {:.1} CPU s before, {} in {:.1} CPU s in this one",
+                decimals(before.samples),
+                before.cpu_seconds,
+                decimals(after.samples),
+                after.cpu_seconds
+            )?;
+        }
         for bias in &result.bias {
             writeln!(f, "biased: {bias}")?;
         }
@@ -249,6 +264,12 @@ pub(super) fn name(value: impl ValueEnum) -> String {
         .map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
+/// A number with at most two decimals.
+fn decimals(number: f64) -> String {
+    let text = format!("{number:.2}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
@@ -280,6 +301,7 @@ mod tests {
             "room, camera 1, 2 × 1 pixels, 6 samples per pixel",
             "estimated relative error",
             "ended by interruption",
+            "resumed, session 3: 1.5 samples per pixel in 0.5 CPU s before, 4.5 in 1.5 CPU s in this one",
             "biased: depth limit 16: 3 paths cut",
             "path, strategy mis, sampler independent, accel auto (linear), depth limit 16, roulette from 5",
             "seed 18446744073709551615, 2 threads, wave 1000, block 16",

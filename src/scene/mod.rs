@@ -145,6 +145,7 @@ mod diagnostics;
 mod document;
 mod extends;
 mod files;
+pub mod fingerprint;
 mod library;
 mod materials;
 mod mesh;
@@ -163,6 +164,7 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 pub use description::*;
+pub use fingerprint::fingerprint;
 pub use settings::*;
 
 use crate::error::Result;

@@ -92,7 +92,7 @@ pub enum Supersampling {
 pub enum Budget {
     /// This many samples per pixel.
     Samples(u64),
-    /// This many wall seconds of rendering; decided per round of blocks.
+    /// This many wall seconds of rendering, over all sessions of a resumed render; decided per round of blocks.
     Seconds(f64),
     /// An estimated relative error of the image, as a fraction (0.03 is 3 %); decided per round of blocks.
     Error(f64),

@@ -27,25 +27,25 @@ const SMALL: [&str; 7] = [
 ];
 
 /// The program in a directory of its own.
-fn wavepath(directory: &TempDir) -> Command {
+pub(crate) fn wavepath(directory: &TempDir) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_wavepath"));
     command.current_dir(directory.path());
     command
 }
 
-fn directory() -> TempDir {
+pub(crate) fn directory() -> TempDir {
     tempfile::tempdir().unwrap()
 }
 
-fn stdout(output: &Output) -> &str {
+pub(crate) fn stdout(output: &Output) -> &str {
     std::str::from_utf8(&output.stdout).unwrap()
 }
 
-fn stderr(output: &Output) -> &str {
+pub(crate) fn stderr(output: &Output) -> &str {
     std::str::from_utf8(&output.stderr).unwrap()
 }
 
-fn files(directory: &TempDir) -> Vec<String> {
+pub(crate) fn files(directory: &TempDir) -> Vec<String> {
     let entries = fs::read_dir(directory.path()).unwrap();
     let mut names: Vec<String> = entries
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -55,14 +55,14 @@ fn files(directory: &TempDir) -> Vec<String> {
 }
 
 /// Runs and expects success.
-fn succeed(command: &mut Command) -> Output {
+pub(crate) fn succeed(command: &mut Command) -> Output {
     let output = command.output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     output
 }
 
 /// Runs and expects exit code 2 with one line, which it returns, and nothing else.
-fn refuse(command: &mut Command) -> String {
+pub(crate) fn refuse(command: &mut Command) -> String {
     let output = command.output().unwrap();
     let message = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{message}");
@@ -76,12 +76,12 @@ fn png_size(path: &Path) -> (u32, u32) {
     image::open(path).unwrap().into_rgb8().dimensions()
 }
 
-fn report(path: &Path) -> RenderReport {
+pub(crate) fn report(path: &Path) -> RenderReport {
     serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
 }
 
 /// Waits until the process handles SIGINT, gives it time for some samples, and sends the signal.
-fn interrupt_when_rendering(child: &Child) {
+pub(crate) fn interrupt_when_rendering(child: &Child) {
     const SIGINT_BIT: u64 = 1 << (libc::SIGINT - 1);
     let status = format!("/proc/{}/status", child.id());
     let start = Instant::now();
@@ -106,7 +106,7 @@ fn interrupt_when_rendering(child: &Child) {
     assert_eq!(unsafe { libc::kill(id, libc::SIGINT) }, 0);
 }
 
-fn start(command: &mut Command) -> Child {
+pub(crate) fn start(command: &mut Command) -> Child {
     command
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

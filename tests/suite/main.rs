@@ -5,6 +5,7 @@ mod appearance;
 mod auxiliary;
 mod browser;
 mod builder;
+mod checkpoint;
 mod cli;
 mod closed_forms;
 mod converge;

@@ -88,7 +88,7 @@ fn make(figure: &Figure, args: &GalleryArgs) -> Result<GalleryFigure> {
     options.output = vec![path.clone()];
     options.threads = args.threads;
     options.quiet = args.quiet;
-    let report = render::execute(&RenderJob::new(&options)?)?;
+    let (report, _) = render::execute(&RenderJob::new(&options)?)?;
     let png = fs::read(&path).map_err(|error| Error::io(&path, &error))?;
     if let Some(folder) = &args.thumbnails {
         thumbnail::write(&folder.join(format!("{}.jpg", figure.name)), &png)?;

@@ -41,7 +41,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::film::write_atomically;
-use crate::scene::SceneDescription;
+use crate::scene::{SceneDescription, fingerprint};
 
 /// What a comparison tells while it runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,7 +70,7 @@ fn seed(base: u64, index: u64) -> u64 {
 
 /// Whether two scenes seen by their cameras of this number make the same picture.
 pub fn same_picture(a: &SceneDescription, b: &SceneDescription, camera: usize) -> bool {
-    key::picture_key(a, camera) == key::picture_key(b, camera)
+    fingerprint(a, camera) == fingerprint(b, camera)
 }
 
 /// Makes the folder of a comparison, if it is not there. Errors if files could not be written to it.

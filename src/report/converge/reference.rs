@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::errors::ReferenceImage;
-use super::key::{picture_key, reference_key};
+use super::key::reference_key;
 use super::results::{ReferenceKind, ReferenceReport};
 use super::{Event, Interrupted, seed};
 use crate::compile::compile;
@@ -19,6 +19,7 @@ use crate::reference::closed_form_image;
 use crate::report::{Build, Span, Stopwatch};
 use crate::scene::{
     AccelKind, Budget, IntegratorKind, RenderSettings, SamplerKind, SceneDescription, Strategy,
+    fingerprint,
 };
 
 /// Samples per pixel and half in a round: as in an ordinary render.
@@ -61,7 +62,7 @@ pub(super) struct View<'a> {
 
 impl<'a> View<'a> {
     pub(super) fn key_of(scene: &SceneDescription, camera: usize) -> String {
-        picture_key(scene, camera)
+        fingerprint(scene, camera)
     }
 
     fn size(&self) -> (u32, u32) {

@@ -1,0 +1,8 @@
+//! Checkpoints, hostile.
+
+#![no_main]
+
+#[path = "../readers.rs"]
+mod readers;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| readers::checkpoint(bytes));
