@@ -1,16 +1,60 @@
 //! What robustness costs: the watertight triangle test against Möller and Trumbore's, and origins of
 //! secondary rays by error bounds against a fixed bias, in rays per second. The plain versions are here
 //! alone; neither is used by the renderer, whose `--shadow-bias` is for looking at.
-#![allow(missing_docs, reason = "criterion's macros make undocumented items")]
+//!
+//! Both run in turn, in rounds, by the CPU time of the thread: printed are the medians in million rays per second,
+//! and median, least and most of the ratio of the two times over the rounds.
+#![allow(clippy::print_stdout, reason = "its output is the figures")]
 
 use std::hint::black_box;
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rand_core::Rng;
 use rand_pcg::Pcg64Mcg;
 use wavepath::geometry::triangle::{ShearRay, TrianglePack};
 use wavepath::geometry::{Triangle, biased_origin, spawn_origin, triangle_hit};
+use wavepath::integrator::clock::thread_cpu_seconds;
 use wavepath::math::{Compare, F32s, LANES, Mask, Vec3s};
+
+/// Rounds, and CPU seconds that either takes in one: enough for the clock, and short enough that what disturbs one
+/// disturbs the other.
+const ROUNDS: usize = 31;
+const SECONDS: f64 = 0.05;
+
+/// Times `robust` and `plain`, each of which handles [`RAYS`] rays, and prints what it found.
+fn compare(what: &str, is_test: bool, robust: (&str, &dyn Fn()), plain: (&str, &dyn Fn())) {
+    let seconds = |work: &dyn Fn(), calls: u32| {
+        let start = thread_cpu_seconds();
+        (0..calls).for_each(|_| work());
+        (thread_cpu_seconds() - start) / f64::from(calls)
+    };
+    // Warm, then as many calls as fill the time of a round.
+    let calls = |work: &dyn Fn()| (SECONDS / seconds(work, 20)).ceil() as u32;
+    let (rounds, calls) = if is_test {
+        (1, [1; 2])
+    } else {
+        (ROUNDS, [calls(robust.1), calls(plain.1)])
+    };
+    let times: Vec<[f64; 2]> = (0..rounds)
+        .map(|_| [seconds(robust.1, calls[0]), seconds(plain.1, calls[1])])
+        .collect();
+    let sorted = |value: &dyn Fn(&[f64; 2]) -> f64| {
+        let mut values: Vec<f64> = times.iter().map(value).collect();
+        values.sort_by(f64::total_cmp);
+        values
+    };
+    println!("{what}, {LANES} lanes, {rounds} rounds");
+    for (i, name) in [robust.0, plain.0].into_iter().enumerate() {
+        let median = sorted(&|time| time[i])[rounds / 2];
+        println!("  {name:<16} {:8.2} Mrays/s", RAYS as f64 / median / 1e6);
+    }
+    let ratio = sorted(&|time| time[0] / time[1]);
+    println!(
+        "  time over plain  {:8.3} ({:.3} to {:.3})",
+        ratio[rounds / 2],
+        ratio[0],
+        ratio[rounds - 1]
+    );
+}
 
 /// Rays per measurement.
 const RAYS: usize = 4096;
@@ -86,7 +130,7 @@ impl PlainPack {
     }
 }
 
-fn triangle_test(c: &mut Criterion) {
+fn triangle_test(is_test: bool) {
     let mut random = Random(Pcg64Mcg::new(1));
     let triangles: Vec<Triangle> = (0..PACKS * LANES)
         .map(|_| Triangle {
@@ -125,11 +169,16 @@ fn triangle_test(c: &mut Criterion) {
     assert_eq!(hits_watertight(), hits_plain());
     assert!(hits_plain() > RAYS);
 
-    let mut group = c.benchmark_group(format!("rays against {} triangles", triangles.len()));
-    group.throughput(Throughput::Elements(RAYS as u64));
-    group.bench_function("watertight", |b| b.iter(|| black_box(hits_watertight())));
-    group.bench_function("moller-trumbore", |b| b.iter(|| black_box(hits_plain())));
-    group.finish();
+    compare(
+        &format!("rays against {} triangles", triangles.len()),
+        is_test,
+        ("watertight", &|| {
+            black_box(hits_watertight());
+        }),
+        ("moller-trumbore", &|| {
+            black_box(hits_plain());
+        }),
+    );
 }
 
 /// A hit that a ray is to leave.
@@ -142,7 +191,7 @@ struct Departure {
     onward: Vec3s,
 }
 
-fn offset(c: &mut Criterion) {
+fn offset(is_test: bool) {
     let mut random = Random(Pcg64Mcg::new(2));
     let departures: Vec<Departure> = (0..RAYS / LANES)
         .map(|_| {
@@ -176,24 +225,24 @@ fn offset(c: &mut Criterion) {
         assert_eq!(apart.length_squared().lt(F32s::splat(1e-6)), Mask::ALL);
     }
 
-    let mut group = c.benchmark_group("origins of secondary rays");
-    group.throughput(Throughput::Elements(RAYS as u64));
-    group.bench_function("error bound", |b| {
-        b.iter(|| {
+    compare(
+        "origins of secondary rays",
+        is_test,
+        ("error bound", &|| {
             departures.iter().for_each(|d| {
                 black_box(bounded(d));
-            })
-        });
-    });
-    group.bench_function("fixed bias", |b| {
-        b.iter(|| {
+            });
+        }),
+        ("fixed bias", &|| {
             departures.iter().for_each(|d| {
                 black_box(plain(d));
-            })
-        });
-    });
-    group.finish();
+            });
+        }),
+    );
 }
 
-criterion_group!(benches, triangle_test, offset);
-criterion_main!(benches);
+fn main() {
+    let is_test = std::env::args().any(|argument| argument == "--test");
+    triangle_test(is_test);
+    offset(is_test);
+}

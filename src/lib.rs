@@ -196,8 +196,8 @@
 //!   ACM TOG 15(1), 1996. M. D. Vose, "A Linear Algorithm for Generating Random Numbers with a Given
 //!   Distribution", IEEE TSE 17(9), 1991.
 //! - C. Ureña, M. Fajardo, A. King, "An Area-Preserving Parametrization for Spherical Rectangles",
-//!   Computer Graphics Forum 32(4), 2013. A. Van Oosterom, J. Strackee, "The Solid Angle of a Plane
-//!   Triangle", IEEE TBME 30(2), 1983.
+//!   Computer Graphics Forum 32(4), 2013. J. Arvo, "Stratified Sampling of Spherical Triangles", SIGGRAPH
+//!   1995. A. Van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE TBME 30(2), 1983.
 //! - M. Oren, S. K. Nayar, "Generalization of Lambert's Reflectance Model", SIGGRAPH 1994. C.
 //!   Schlick, "An Inexpensive BRDF Model for Physically-based Rendering", Computer Graphics Forum
 //!   13(3), 1994. E. Lafortune, Y. Willems, "Using the Modified Phong Reflectance Model for

@@ -114,7 +114,11 @@ pub fn build_with(
     })
 }
 
-fn check_limit(primitives: usize) -> Result<()> {
+/// Refuses more primitives than there are indices of leaves.
+///
+/// # Errors
+/// [`crate::ErrorKind::Limit`].
+pub(crate) fn check_limit(primitives: usize) -> Result<()> {
     if primitives > tree::MOST_LEAVES {
         return Err(Error::limit(
             "a scene may have at most 2^31 - 1 triangles and spheres together",

@@ -490,7 +490,7 @@ pub(super) struct StabilityArgs {
     #[arg(long)]
     pub(super) full: bool,
 
-    /// Rays per closed mesh and structure in the case `vertices`; fewer for the linear scan
+    /// Rays per closed mesh and structure in the case `vertices` (fewer for the linear scan), bounces in `closed-room`
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) rays: Option<u64>,
 

@@ -204,13 +204,13 @@ pub fn compile_with_progress(
             scene_radius,
         }));
     }
-    // With MIS the variance next to a rectangle is finite either way.
-    let combined =
-        settings.strategy == Strategy::Mis && settings.integrator != IntegratorKind::Whitted;
-    let lights = if combined {
-        LightTable::by_area(&tables.lights)?
-    } else {
+    // With MIS the variance next to a light is finite either way.
+    let alone =
+        settings.strategy == Strategy::Nee || settings.integrator == IntegratorKind::Whitted;
+    let lights = if alone {
         LightTable::new(&tables.lights)?
+    } else {
+        LightTable::by_area(&tables.lights)?
     };
     tables.surfaces.light = tables.light.iter().copied().collect();
     tables.surfaces.class = tables.class.iter().copied().collect();

@@ -18,6 +18,7 @@ mod rectangle;
 mod sphere;
 #[cfg(test)]
 mod tests;
+mod triangle;
 
 pub use background::pdf_background;
 pub use flat::pdf_flat;
@@ -170,6 +171,10 @@ pub struct LightTable {
     sides: [Table<f32>; 2],
     /// Whether there is a rectangle.
     has_rectangles: bool,
+    /// Flat: twice the area of a triangle that is sampled by solid angle, 0 of other lights.
+    twice_area: Table<f32>,
+    /// Whether there is such a triangle.
+    has_triangles: bool,
     /// Flat: 1/2 for a triangle, 0 for a parallelogram (see [`crate::math::warp::triangle_or_square`]).
     fold: Table<f32>,
     /// Sphere: radius.
@@ -189,13 +194,15 @@ struct Row {
     edges: [[f32; 3]; 2],
     normal: [f32; 3],
     sides: [f32; 2],
+    twice_area: f32,
     fold: f32,
     radius: f32,
     primitives: [u32; 2],
 }
 
 impl LightTable {
-    /// The table of these lights; light `i` has index `i`. Rectangles are sampled by solid angle.
+    /// The table of these lights; light `i` has index `i`. Rectangles and triangles are sampled by solid
+    /// angle.
     ///
     /// # Errors
     /// If there are more than 2²⁴ lights.
@@ -203,7 +210,7 @@ impl LightTable {
         Self::build(lights, flat::row)
     }
 
-    /// As [`Self::new`], but rectangles are sampled by area, as other flat lights are: for where direction
+    /// As [`Self::new`], but all flat lights are sampled by area: for where direction
     /// sampling is combined with it. On the hexagonal room that halves the time of shading, 13.1 instead
     /// of 29.4 ns per hit.
     ///
@@ -261,6 +268,8 @@ impl LightTable {
             column.push(side);
         }
         self.has_rectangles |= row.sides[0] > 0.0;
+        self.twice_area.push(row.twice_area);
+        self.has_triangles |= row.twice_area > 0.0;
         self.fold.push(row.fold);
         self.radius.push(row.radius);
         for (column, primitive) in self.primitives.iter_mut().zip(row.primitives) {
@@ -291,8 +300,8 @@ impl LightTable {
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        // Of each light: kind, two primitives, and 21 numbers.
-        self.choice.bytes() + self.len() * (3 * size_of::<u32>() + 21 * size_of::<f32>())
+        // Of each light: kind, two primitives, and 22 numbers.
+        self.choice.bytes() + self.len() * (3 * size_of::<u32>() + 22 * size_of::<f32>())
     }
 
     /// What `column` has for each light; without [`kinds::MANY`] there is one light only.
@@ -374,7 +383,7 @@ pub struct Receiver {
     pub n: Vec3s,
     /// The primitive that the point lies on, or [`PrimitiveId::NONE`]: rounding moves a point of an
     /// emitter to either side of it, but its own sphere can light it from within alone, and its own rectangle
-    /// not at all.
+    /// or triangle not at all.
     pub primitive: U32s,
 }
 

@@ -1,8 +1,8 @@
 //! Sampling of lights: one of them by its power, then a direction towards it.
 //!
 //! Every density is per solid angle at the lit point and includes the choice of the light.
-//! Rectangles are sampled by solid angle. Triangles are sampled by area, whose variance has no bound
-//! where a light touches a surface; multiple importance sampling bounds it again.
+//! Rectangles and triangles are sampled by solid angle, which bounds the variance also where a light
+//! touches a surface.
 
 use std::f64::consts::{PI, TAU};
 
@@ -11,13 +11,14 @@ use glam::DVec3;
 use super::primitives::{Hit, PatchId};
 use super::random::Random;
 use super::rectangle::SphericalRectangle;
+use super::triangle::SphericalTriangle;
 use super::warp::{
     Frame, cosine_hemisphere, cosine_hemisphere_pdf, uniform_sphere, uniform_triangle,
 };
 use crate::scene::EmissionDescription;
 
-/// Solid angle in sr below which a rectangle is sampled by area: by then the rounding of the solid angle, some
-/// units of 2⁻⁵², is 10⁻⁸ of it, and the two ways hardly differ unless the rectangle is seen edge-on.
+/// Solid angle in sr below which a rectangle or a triangle is sampled by area: by then the rounding of the solid
+/// angle, some units of 2⁻⁵², is 10⁻⁸ of it, and the two ways hardly differ unless the light is seen edge-on.
 const LEAST_SOLID_ANGLE: f64 = 1e-7;
 
 /// A point on a surface as seen by light.
@@ -163,9 +164,22 @@ impl AreaLight {
     fn sample(&self, vertex: &Vertex, random: &mut Random) -> Option<LightSample> {
         let u = random.next_2d();
         let (position, normal) = match self.shape {
+            // What is flat does not light itself.
+            LightShape::Triangle(..) | LightShape::Rectangle(..) if vertex.patch == self.patch => {
+                return None;
+            }
             LightShape::Triangle(a, [ab, ac]) => {
-                let [b, c] = uniform_triangle(u);
-                (a + ab * b + ac * c, ab.cross(ac).normalize())
+                let normal = ab.cross(ac).normalize();
+                let view = SphericalTriangle::new(a, [ab, ac], vertex.point);
+                let position = if view.solid_angle >= LEAST_SOLID_ANGLE {
+                    let direction = view.sample(u);
+                    let height = (a - vertex.point).dot(normal);
+                    vertex.point + direction * (height / direction.dot(normal))
+                } else {
+                    let [b, c] = uniform_triangle(u);
+                    a + ab * b + ac * c
+                };
+                (position, normal)
             }
             LightShape::Rectangle(corner, [ex, ey]) => {
                 let view = SphericalRectangle::new(corner, [ex, ey], vertex.point);
@@ -213,6 +227,12 @@ impl AreaLight {
         }
         if let LightShape::Rectangle(corner, edges) = self.shape {
             let view = SphericalRectangle::new(corner, edges, vertex.point);
+            if view.solid_angle >= LEAST_SOLID_ANGLE {
+                return 1.0 / view.solid_angle;
+            }
+        }
+        if let LightShape::Triangle(corner, edges) = self.shape {
+            let view = SphericalTriangle::new(corner, edges, vertex.point);
             if view.solid_angle >= LEAST_SOLID_ANGLE {
                 return 1.0 / view.solid_angle;
             }

@@ -37,6 +37,7 @@ mod primitives;
 mod random;
 mod rectangle;
 mod specular;
+mod triangle;
 mod warp;
 mod whitted;
 
@@ -283,6 +284,24 @@ mod tests {
         BsdfDescription, CameraDescription, FilmDescription, MaterialDescription, MaterialId, Mesh,
         Projection, RenderDefaults, ShapeDescription, ShapeGeometry,
     };
+
+    #[test]
+    fn unsound_radiance_is_asserted_against_in_debug_builds_and_else_counted() {
+        for unsound in [DVec3::new(1.0, f64::NAN, 1.0), -DVec3::X, DVec3::INFINITY] {
+            let kept = std::panic::catch_unwind(|| {
+                let mut rejected = 0;
+                (Reference::keep_sound(unsound, &mut rejected), rejected)
+            });
+            if cfg!(debug_assertions) {
+                assert!(kept.is_err());
+            } else {
+                assert_eq!(kept.expect("no panic"), (DVec3::ZERO, 1));
+            }
+        }
+        let mut rejected = 0;
+        assert_eq!(Reference::keep_sound(DVec3::X, &mut rejected), DVec3::X);
+        assert_eq!(rejected, 0);
+    }
 
     #[test]
     fn rays_spawned_to_either_side_miss_the_neighbour_in_the_same_plane() {

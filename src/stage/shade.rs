@@ -267,8 +267,14 @@ fn sample_light<M: Material, const F: u32>(
 ) {
     let [u, v] = numbers.pair::<{ Dimension::LightPoint as u32 }>();
     let choice = numbers.one::<{ Dimension::LightChoice as u32 }>();
+    // A ray that starts off the surface by more than rounding must be aimed from there.
+    let start = if scene.on::<F>(Features::SHADOW_BIAS) {
+        hits.origin
+    } else {
+        hits.surface.point.p
+    };
     let receiver = Receiver {
-        p: hits.surface.point.p,
+        p: start,
         n: hits.frame.normal,
         primitive: hits.primitive,
     };

@@ -335,3 +335,55 @@ impl ShadowQueue {
         load_u32(&self.path, at)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// NaN, negative and infinite in one channel of the first three lanes, 1 in all others.
+    fn mostly_sound() -> Vec3s {
+        let column = |bad: f32, at: usize| {
+            let mut values = [1.0; LANES];
+            values[at] = bad;
+            F32s::from(values)
+        };
+        Vec3s::new(
+            column(f32::NAN, 0),
+            column(-1e-30, 1),
+            column(f32::INFINITY, 2),
+        )
+    }
+
+    #[cfg(not(debug_assertions))]
+    #[test]
+    fn unsound_contributions_are_counted_and_kept_out() {
+        let mut gathered = vec![[0.0; 4]; LANES];
+        let mut rejected = 0;
+        let (mask, path) = (Mask::first(LANES - 1), crate::math::lanes::iota());
+        add_radiance(&mut gathered, &mut rejected, mask, path, mostly_sound());
+        assert_eq!(rejected, 3);
+        for (lane, sum) in gathered.iter().enumerate() {
+            let expected = if (3..LANES - 1).contains(&lane) {
+                1.0
+            } else {
+                0.0
+            };
+            assert_eq!(sum[..3], [expected; 3], "lane {lane}");
+        }
+    }
+
+    #[cfg(debug_assertions)]
+    #[test]
+    #[should_panic(expected = "unsound contribution")]
+    fn debug_builds_assert_where_a_contribution_is_unsound() {
+        keep_sound(&mut 0, Mask::ALL, mostly_sound());
+    }
+
+    #[test]
+    fn lanes_that_hold_nothing_may_hold_anything() {
+        let mut rejected = 0;
+        let mask = !Mask::first(3);
+        assert_eq!(keep_sound(&mut rejected, mask, mostly_sound()), mask);
+        assert_eq!(rejected, 0);
+    }
+}

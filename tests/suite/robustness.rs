@@ -137,6 +137,32 @@ fn a_bias_too_large_loses_the_shadow_of_what_is_near_and_the_error_bound_does_no
 }
 
 #[test]
+fn a_biased_ray_is_aimed_from_where_it_starts_and_ends_before_what_is_behind_the_lamp() {
+    // A lamp just under a ceiling that the sky, too, is hidden by: shadow rays are as long as from the surface, or
+    // shorter by the bias; then the ceiling is not reached.
+    let mut scene = SceneBuilder::new();
+    let grey = scene.matter(lambertian(0.6));
+    let black = scene.matter(BsdfDescription::Black);
+    let lamp = scene.one_sided(BsdfDescription::Black, 10.0);
+    scene.floor(1.0, 0.0, grey);
+    scene.ceiling(3.0, 1.0, black);
+    scene.ceiling(0.5, 0.99, lamp);
+    scene.background(0.1);
+    scene.aim([0.5, -2.0, 0.5], [0.0; 3]);
+    let settings = RenderSettings {
+        shadow_bias: Some(0.1),
+        ..path(Strategy::Nee, 2)
+    };
+    let [ours, reference] = by_both(&scene, &settings, 256).map(|outcome| image_mean(&outcome)[0]);
+    let error = ours.1.hypot(reference.1);
+    assert!(
+        (ours.0 - reference.0).abs() < 4.0 * error,
+        "{ours:?}, not {reference:?}"
+    );
+    assert!(reference.0 > 0.5 && error < 0.02, "{reference:?}");
+}
+
+#[test]
 fn a_good_bias_shows_the_picture_of_the_error_bound() {
     let settings = RenderSettings {
         shadow_bias: Some(1e-4),

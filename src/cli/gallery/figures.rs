@@ -37,6 +37,8 @@ pub(super) enum View {
     GlassAndFloor,
     /// The tetrahedron.
     Tetrahedron,
+    /// The matte sphere, which touches the floor.
+    MatteSphere,
 }
 
 impl View {
@@ -56,6 +58,11 @@ impl View {
             ],
             Self::Tetrahedron => &[
                 "cameras.1.top_left=[0, 0.68, -0.25]",
+                "cameras.1.right=[0, -0.6, 0]",
+                "cameras.1.down=[0, 0, -0.6]",
+            ],
+            Self::MatteSphere => &[
+                "cameras.1.top_left=[0, 0, -0.12]",
                 "cameras.1.right=[0, -0.6, 0]",
                 "cameras.1.down=[0, 0, -0.6]",
             ],
@@ -239,6 +246,55 @@ pub(super) const SECTIONS: &[Section] = &[
                 side: 300,
                 view: View::GlassAndFloor,
                 options: &["--spp", "1024"],
+            },
+        ],
+    },
+    Section {
+        title: "Where secondary rays start",
+        text: "Rays that leave a surface start where rounding errors end, which is computed for each hit. A bias set \
+               by hand, the same for all, is too small or too large: there is none that suits the whole room. The \
+               matte sphere stands on the floor.",
+        figures: &[
+            Figure {
+                name: "bias-0",
+                title: "Bias 0",
+                text: "Too small: about every second ray hits the surface that it leaves. Acne.",
+                side: 300,
+                view: View::MatteSphere,
+                options: &["--spp", "256", "--shadow-bias", "0"],
+            },
+            Figure {
+                name: "bias-computed",
+                title: "Computed",
+                text: "Outside of the error bound of each hit, some 10⁻⁶ m here.",
+                side: 300,
+                view: View::MatteSphere,
+                options: &["--spp", "256"],
+            },
+            Figure {
+                name: "bias-0.3",
+                title: "Bias 0.3 m",
+                text: "Too large: around the foot rays from the floor start within the sphere, in the dark; the bright \
+                       spot under the glass moves.",
+                side: 300,
+                view: View::MatteSphere,
+                options: &["--spp", "256", "--shadow-bias", "0.3"],
+            },
+            Figure {
+                name: "bias-leak",
+                title: "Bias 0.6 m, a sky outside",
+                text: "The room is closed, but rays from the underside of the sphere start below the floor, and bring \
+                       in the sky. With computed starts this is the second picture.",
+                side: 300,
+                view: View::MatteSphere,
+                options: &[
+                    "--spp",
+                    "256",
+                    "--shadow-bias",
+                    "0.6",
+                    "--set",
+                    "background.radiance=[3, 3, 3]",
+                ],
             },
         ],
     },

@@ -11,7 +11,7 @@ use super::renders::{Picture, kind, path};
 use super::scenes::{SceneBuilder, lambertian};
 use super::trial::{Figure, Trial};
 use crate::accel::{self, Structure};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::triangle::ShearRay;
 use crate::geometry::{Geometry, PrimitiveId, Triangle};
 use crate::integrator::clock::thread_cpu_seconds;
@@ -202,24 +202,19 @@ pub(super) fn depths(trial: &mut Trial<'_>) -> Result<()> {
     let count = trial.count(4_000);
     let mut random = Random(27);
     let unit = [DVec3::ZERO, DVec3::Y, DVec3::Z];
-    // The scan's own test squares lengths, and so sees nothing that is smaller than 10⁻¹⁹; the deeper of
-    // the two is for trees alone. It ends where differences of coordinates (multiples of 2⁻²⁴ of them) would be
-    // denormal, which are flushed to zero: below x = 2⁻¹⁰².
-    for most in [800, 1_600] {
-        let halving = geometry((0..most).map(|k| {
-            let x = 2f64.powf(-f64::from(k) / 16.0);
-            unit.map(|p| p * 0.01 * x + DVec3::X * x)
-        }));
-        let rays = rays_to(&halving, count, &mut random);
-        let label = format!("x = 2^(−k/16), k < {most}");
-        let structures: Vec<Structure> = trial
-            .structures
-            .iter()
-            .copied()
-            .filter(|&structure| most == 800 || structure != Structure::Linear)
-            .collect();
-        against_plain_loop(trial, &label, &halving, &rays, &structures)?;
-    }
+    // Differences of coordinates are multiples of 2⁻²⁴ of them; below x = 2⁻¹⁰² those are denormal, and are flushed
+    // to zero. What is smaller cannot be told from a point, by any structure.
+    let halving = geometry((0..1_600).map(|k| {
+        let x = 2f64.powf(-f64::from(k) / 16.0);
+        unit.map(|p| p * 0.01 * x + DVec3::X * x)
+    }));
+    let rays = rays_to(&halving, count, &mut random);
+    let label = "x = 1 to 2^−100: differences below 2^−126 are flushed";
+    let missed = flushed(|| plain_loop(&halving, &rays));
+    let missed = missed.into_iter().filter(|t| t.is_infinite()).count();
+    let figure = Figure::none_of(missed as u64, count);
+    trial.note(label, "what is aimed at is hit", figure);
+    against_plain_loop(trial, label, &halving, &rays, trial.structures)?;
 
     let nested = geometry((0..400).map(|k| {
         let size = 1.2f64.powi(k - 200);
@@ -266,6 +261,22 @@ pub(super) fn depths(trial: &mut Trial<'_>) -> Result<()> {
         &rays,
         trial.structures,
     )
+}
+
+pub(super) fn limits(trial: &mut Trial<'_>) -> Result<()> {
+    // Decided from the number alone, before anything is allocated.
+    for (primitives, fits) in [(100_000_000, true), ((1 << 31) - 1, true), (1 << 31, false)] {
+        let wrong = match accel::check_limit(primitives) {
+            Ok(()) => !fits,
+            Err(error) => fits || error.kind != ErrorKind::Limit,
+        };
+        trial.note(
+            format!("{primitives} primitives"),
+            if fits { "taken" } else { "refused" },
+            Figure::none_of(wrong.into(), 1),
+        );
+    }
+    Ok(())
 }
 
 pub(super) fn garbage(trial: &mut Trial<'_>) -> Result<()> {

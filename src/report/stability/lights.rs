@@ -93,39 +93,76 @@ pub(super) fn tiny_flat_lights(trial: &mut Trial<'_>) -> Result<()> {
             };
             let e = radiance
                 * oracles::polygon_irradiance(DVec3::ZERO, DVec3::Z, &corners_of[..corners]);
-            let picture = direct(trial, &scene.build(), Strategy::Mis, samples)?;
-            trial.note(
-                format!("{name} of 1e-4 and 1e10 at {distance:e}"),
-                "Lambert, 1e-4 + 4 s.e.",
-                figure(&picture, e, 1e-4),
-            );
+            let scene = scene.build();
+            for strategy in [Strategy::Mis, Strategy::Nee] {
+                let picture = direct(trial, &scene, strategy, samples)?;
+                trial.note(
+                    format!("{name} of 1e-4 and 1e10 at {distance:e}, {strategy:?}"),
+                    "Lambert, 1e-4 + 4 s.e.",
+                    figure(&picture, e, 1e-4),
+                );
+            }
         }
     }
     Ok(())
 }
 
-/// The floor from the foot of a glowing wall of 1 × 1 to 5 cm before it, in each of a column of pixels.
-fn foot_of_a_wall() -> SceneBuilder {
+/// Width of the strip of floor before a glowing wall.
+const STRIP: f64 = 0.05;
+
+/// The floor from the foot of a glowing wall with these corners, at x = 0, to [`STRIP`] before it, in each of a column
+/// of pixels.
+fn foot_of_a_wall(corners: &[DVec3]) -> SceneBuilder {
     let mut scene = SceneBuilder::new();
     let matte = scene.matter(lambertian(ALBEDO));
     let light = scene.one_sided(BsdfDescription::Black, 1.0);
     scene.floor(2.0, 0.0, matte);
-    let corners = [
-        [0.0, -0.5, 0.0],
-        [0.0, 0.5, 0.0],
-        [0.0, 0.5, 1.0],
-        [0.0, -0.5, 1.0],
-    ];
-    scene.quad(corners, light);
-    scene.window([1.0, 0.0, 1.5], [0.0; 3], [0.05, 0.0, 0.0], [0.0; 3]);
+    match *corners {
+        [a, b, c, d] => scene.quad([a, b, c, d].map(|p| p.to_array()), light),
+        _ => scene.mesh(corners.to_vec(), vec![[0, 1, 2]], light),
+    }
+    scene.window([1.0, 0.0, 1.5], [0.0; 3], [STRIP, 0.0, 0.0], [0.0; 3]);
     scene
 }
 
 pub(super) fn touching_light(trial: &mut Trial<'_>) -> Result<()> {
-    // The corner formula's mean over the strip, for radiance 1, to seven digits.
-    let expected = ALBEDO / PI * 1.509302;
+    let wall = |corners: &[[f64; 2]]| -> Vec<DVec3> {
+        let at = |&[y, z]: &[f64; 2]| DVec3::new(0.0, y, z);
+        corners.iter().map(at).collect()
+    };
+    for (name, corners) in [
+        (
+            "square wall",
+            wall(&[[-0.5, 0.0], [0.5, 0.0], [0.5, 1.0], [-0.5, 1.0]]),
+        ),
+        (
+            "triangle on its side",
+            wall(&[[-0.5, 0.0], [0.5, 0.0], [0.1, 1.0]]),
+        ),
+        (
+            "triangle on its corner",
+            wall(&[[0.0, 0.0], [0.5, 1.0], [-0.5, 0.8]]),
+        ),
+    ] {
+        touching_wall(trial, name, &corners)?;
+    }
+    Ok(())
+}
+
+/// Mean irradiance of the strip before a wall of radiance 1.
+fn strip_irradiance(corners: &[DVec3]) -> f64 {
+    const STEPS: u32 = 10_000;
+    let at = |i: u32| {
+        let point = DVec3::X * (STRIP * (f64::from(i) + 0.5) / f64::from(STEPS));
+        oracles::polygon_irradiance(point, DVec3::Z, corners)
+    };
+    (0..STEPS).map(at).sum::<f64>() / f64::from(STEPS)
+}
+
+fn touching_wall(trial: &mut Trial<'_>, name: &str, corners: &[DVec3]) -> Result<()> {
+    let expected = ALBEDO / PI * strip_irradiance(corners);
     let height = trial.count(1_024).clamp(1_024, 4_096) as u32;
-    let scene = foot_of_a_wall().build();
+    let scene = foot_of_a_wall(corners).build();
     for strategy in STRATEGIES {
         let mut errors = Vec::new();
         let mut last = 0.0;
@@ -149,13 +186,13 @@ pub(super) fn touching_light(trial: &mut Trial<'_>) -> Result<()> {
         }
         let samples = u64::from(height) * 336;
         trial.note(
-            format!("corner of 90°, {strategy:?}"),
+            format!("{name}, {strategy:?}"),
             "slope of RMSE is −1/2",
             Figure::absolute((slope(&errors) + 0.5).abs(), 0.03, samples),
         );
         trial.note(
-            format!("corner of 90°, {strategy:?}"),
-            "corner formula",
+            format!("{name}, {strategy:?}"),
+            "Lambert's formula",
             Figure::standard_errors(last, samples),
         );
     }
@@ -203,6 +240,10 @@ fn touching_scenes() -> Vec<(String, SceneBuilder)> {
     for gap in [1e-6, 1e-4] {
         scenes.push((format!("light in a wall, gap {gap:e}"), light_in_wall(gap)));
     }
+    scenes.push((
+        "light in a hole of a wall, gap 0".to_owned(),
+        light_in_a_hole(),
+    ));
     let mut tangent = matte_floor();
     let light = tangent.one_sided(BsdfDescription::Black, 1.0);
     tangent.sphere([0.0, 0.4, 0.5], 0.5, light);
@@ -232,6 +273,21 @@ fn light_in_wall(gap: f64) -> SceneBuilder {
     scene
 }
 
+/// A floor before a wall, and in a hole of the wall, flush with it, a light.
+fn light_in_a_hole() -> SceneBuilder {
+    let mut scene = matte_floor();
+    let wall = scene.matter(lambertian(ALBEDO));
+    let light = scene.one_sided(BsdfDescription::Black, 1.0);
+    let part = |[x0, x1]: [f64; 2], [z0, z1]: [f64; 2]| {
+        [[x0, z0], [x1, z0], [x1, z1], [x0, z1]].map(|[x, z]| [x, 1.0, z])
+    };
+    scene.quad(part([-1.0, -0.5], [0.0, 2.0]), wall);
+    scene.quad(part([0.5, 1.0], [0.0, 2.0]), wall);
+    scene.quad(part([-0.5, 0.5], [1.0, 2.0]), wall);
+    scene.quad(part([-0.5, 0.5], [0.0, 1.0]), light);
+    scene
+}
+
 pub(super) fn light_ends(trial: &mut Trial<'_>) -> Result<()> {
     let samples = trial.count(1_024);
     let settings = |strategy: Strategy| RenderSettings {
@@ -256,14 +312,15 @@ pub(super) fn light_ends(trial: &mut Trial<'_>) -> Result<()> {
             Figure::standard_errors(worst, 3 * 1_024 * samples),
         );
     }
-    // Without a gap a ray that happens to go there sees the one or the other; rays to the light see it.
+    // A light on a wall, not in a hole of it, and no gap: which of two coincident surfaces a ray meets is not
+    // defined, so that only rays which are sent to the light have an answer to be held against.
     let [mut without, mut with] = [0.0, 1e-6].map(light_in_wall);
     look_at_floor(&mut without);
     look_at_floor(&mut with);
     let sampled = trial.picture(&without.build(), [32, 32], &settings(Strategy::Nee))?;
     let expected = trial.picture(&with.build(), [32, 32], &settings(Strategy::Mis))?;
     trial.note(
-        "light in a wall, gap 0, NEE",
+        "light on a wall, gap 0, NEE: others are undefined",
         "MIS at gap 1e-6, per tile",
         Figure::standard_errors(worst_tile(&expected, &sampled), 2 * 1_024 * samples),
     );

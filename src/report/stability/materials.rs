@@ -51,12 +51,27 @@ fn phong(exponent: f32) -> <Phong as Material>::Params {
     })
 }
 
-fn glossy(exponent: f32) -> <Glossy as Material>::Params {
+fn glossy_of(diffuse: f32, specular: f32, exponent: f32) -> <Glossy as Material>::Params {
     fetch::<Glossy>(MaterialSpec::Glossy {
-        diffuse: [0.6; 3],
-        specular: [0.4; 3],
+        diffuse: [diffuse; 3],
+        specular: [specular; 3],
         exponent,
     })
+}
+
+fn glossy(exponent: f32) -> <Glossy as Material>::Params {
+    glossy_of(0.6, 0.4, exponent)
+}
+
+fn glass(ior: f32, fresnel: FresnelFormula) -> <Dielectric as Material>::Params {
+    fetch::<Dielectric>(MaterialSpec::Dielectric { ior, fresnel })
+}
+
+const FORMULAS: [FresnelFormula; 2] = [FresnelFormula::Exact, FresnelFormula::Schlick];
+
+/// From `low` to `high` > 0, evenly by their logarithm.
+fn magnitude(random: &mut Uniform, low: f64, high: f64) -> f64 {
+    low * (high / low).powf(random.next())
 }
 
 fn lambertian() -> <Lambertian as Material>::Params {
@@ -72,7 +87,8 @@ fn lobe_bins(exponent: f32, wo: [f64; 3]) -> DirectionBins {
     if exponent <= 10.0 {
         hemisphere()
     } else {
-        DirectionBins::new([-wo[0], -wo[1], wo[2]], 25.0 / f64::from(exponent))
+        let width = (25.0 / f64::from(exponent)).min(2.0);
+        DirectionBins::new([-wo[0], -wo[1], wo[2]], width)
     }
 }
 
@@ -385,7 +401,78 @@ pub(super) fn energy(trial: &mut Trial<'_>) -> Result<()> {
             );
         }
     }
+    random_energy(trial);
     Ok(())
+}
+
+/// Albedos of materials with random parameters over their whole range, seen at random angles.
+fn random_energy(trial: &mut Trial<'_>) {
+    let count = trial.count(240);
+    let mut random = Uniform::new(0x38);
+    let mut worst_rough = 0.0;
+    let mut worst_lobe = 0.0;
+    let mut worst_glossy = 0.0;
+    let mut most = 0.0;
+    for _ in 0..count {
+        let sigma = magnitude(&mut random, 1e-8, 1e8);
+        let degrees = 89.0 * random.next();
+        let (wo, theta) = (outgoing(degrees), degrees.to_radians());
+        let p = oren_nayar(sigma);
+        let albedo = hemisphere().total(&|wi| OrenNayar::eval(&p, splat(wo), wi).0.x);
+        let expected = oracles::oren_nayar_albedo(sigma, theta);
+        worst_rough = max_or_nan(worst_rough, (albedo - expected).abs());
+
+        let exponent = magnitude(&mut random, 1e-2, 1e6) as f32;
+        let bins = lobe_bins(exponent, wo);
+        let p = phong(exponent);
+        let albedo = bins.total(&|wi| Phong::eval(&p, splat(wo), wi).0.x);
+        let lobe = oracles::phong_albedo(exponent.into(), theta);
+        worst_lobe = max_or_nan(worst_lobe, (albedo - lobe).abs());
+        most = max_or_nan(most, albedo - 1.0);
+
+        // The diffuse part over the hemisphere, what the lobe adds to it where the lobe is.
+        let diffuse = random.next() as f32;
+        let both = glossy_of(diffuse, 1.0 - diffuse, exponent);
+        let base = glossy_of(diffuse, 0.0, exponent);
+        let value = |p: &<Glossy as Material>::Params, wi| Glossy::eval(p, splat(wo), wi).0.x;
+        let albedo = hemisphere().total(&|wi| value(&base, wi))
+            + bins.total(&|wi| value(&both, wi) - value(&base, wi));
+        let expected = f64::from(diffuse) + f64::from(1.0 - diffuse) * lobe;
+        worst_glossy = max_or_nan(worst_glossy, (albedo - expected).abs());
+        most = max_or_nan(most, albedo - 1.0);
+    }
+    for (label, worst) in [
+        ("Oren–Nayar, random σ 1e-8 to 1e8", worst_rough),
+        ("Phong, random n 0.01 to 1e6", worst_lobe),
+        ("glossy, random parts and n", worst_glossy),
+    ] {
+        let figure = Figure::absolute(worst, 2e-4, count);
+        trial.note(label, "albedo of the model in f64", figure);
+    }
+    trial.note(
+        "Phong and glossy, random",
+        "albedo ≤ 1",
+        Figure::absolute(most, 1e-4, count),
+    );
+
+    // Glass: what is not reflected is refracted, its radiance over η².
+    let count = 100 * count;
+    for formula in FORMULAS {
+        let (mut lost, mut outside) = (0.0, 0);
+        for _ in 0..count {
+            let ior = magnitude(&mut random, 1.0 / 3.0, 3.0) as f32;
+            let side = if random.next() < 0.5 { 1.0 } else { -1.0 };
+            let cos = side * magnitude(&mut random, 1e-7, 1.0);
+            let ways = Dielectric::branches(&glass(ior, formula), splat(direction(cos, 1.0)));
+            let (r, eta) = (first(ways.reflectance), first(ways.eta));
+            let through = first(ways.transmission_weight) * eta * eta;
+            lost = max_or_nan(lost, (r + through - 1.0).abs());
+            outside += u64::from(!(0.0..=1.0).contains(&r) || through.is_nan() || through < 0.0);
+        }
+        let label = format!("glass, {formula:?}, random n 1/3 to 3");
+        trial.note(&*label, "R + T = 1", Figure::absolute(lost, 1e-6, count));
+        trial.note(&*label, "0 ≤ R ≤ 1, T ≥ 0", Figure::none_of(outside, count));
+    }
 }
 
 /// f·cos over the cosine of where it goes.
@@ -405,7 +492,7 @@ pub(super) fn reciprocity(trial: &mut Trial<'_>) -> Result<()> {
         )
     };
     let pairs: Vec<[[f64; 3]; 2]> = (0..count).map(|_| [somewhere(), somewhere()]).collect();
-    let worst = |f: &dyn Fn([f64; 3], [f64; 3]) -> f64| {
+    let worst_of = |pairs: &[[[f64; 3]; 2]], f: &dyn Fn([f64; 3], [f64; 3]) -> f64| {
         pairs.iter().fold(0.0, |worst, &[a, b]| {
             let (there, back) = (f(a, b), f(b, a));
             // What is far down a lobe carries nothing.
@@ -415,6 +502,7 @@ pub(super) fn reciprocity(trial: &mut Trial<'_>) -> Result<()> {
             max_or_nan(worst, (there / back - 1.0).abs())
         })
     };
+    let worst = |f: &dyn Fn([f64; 3], [f64; 3]) -> f64| worst_of(&pairs, f);
     let mut note = |label: String, figure: f64, tolerance: f64| {
         trial.note(
             label,
@@ -432,38 +520,80 @@ pub(super) fn reciprocity(trial: &mut Trial<'_>) -> Result<()> {
         let figure = worst(&|a, b| value::<OrenNayar>(&p, a, b));
         note(format!("Oren–Nayar σ {sigma:e}"), figure, 1e-6);
     }
+    // cosⁿα magnifies the rounding of directions, by n·tan α·10⁻⁷, down to values of 10⁻⁶: tan α is
+    // at most √(2·14/n) where the lobe is narrow.
+    let lobe_tolerance = |exponent: f32| 1e-6 + 3e-7 * (28.0 * f64::from(exponent)).sqrt();
     for exponent in [0.0, 1.0, 10.0, 1e3] {
-        // cosⁿα magnifies the rounding of directions, by n·tan α·10⁻⁷, down to values of 10⁻⁶: tan α is
-        // at most √(2·14/n) where the lobe is narrow.
-        let tolerance = 1e-6 + 3e-7 * (28.0 * f64::from(exponent)).sqrt();
         let p = phong(exponent);
         let figure = worst(&|a, b| value::<Phong>(&p, a, b));
-        note(format!("Phong n {exponent:e}"), figure, tolerance);
+        note(
+            format!("Phong n {exponent:e}"),
+            figure,
+            lobe_tolerance(exponent),
+        );
         let p = glossy(exponent);
         let figure = worst(&|a, b| value::<Glossy>(&p, a, b));
-        note(format!("glossy n {exponent:e}"), figure, tolerance);
+        note(
+            format!("glossy n {exponent:e}"),
+            figure,
+            lobe_tolerance(exponent),
+        );
     }
+    // Random parameters, new ones for every so many pairs. Lobes are held against their tolerance.
+    let mut random = Uniform::new(39);
+    let (mut rough, mut lobes) = (0.0, 0.0);
+    for pairs in pairs.chunks(64) {
+        let p = oren_nayar(magnitude(&mut random, 1e-8, 1e8));
+        let figure = worst_of(pairs, &|a, b| value::<OrenNayar>(&p, a, b));
+        rough = max_or_nan(rough, figure);
+        let exponent = magnitude(&mut random, 1e-2, 1e6) as f32;
+        let p = phong(exponent);
+        let figure = worst_of(pairs, &|a, b| value::<Phong>(&p, a, b));
+        lobes = max_or_nan(lobes, figure / lobe_tolerance(exponent));
+        let diffuse = random.next() as f32;
+        let p = glossy_of(diffuse, 1.0 - diffuse, exponent);
+        let figure = worst_of(pairs, &|a, b| value::<Glossy>(&p, a, b));
+        lobes = max_or_nan(lobes, figure / lobe_tolerance(exponent));
+    }
+    note("Oren–Nayar, random σ 1e-8 to 1e8".to_owned(), rough, 1e-6);
+    let label = "Phong and glossy, random, over 1e-6 + 3e-7·√28n";
+    note(label.to_owned(), lobes, 1.0);
     // Glass: what goes in at one angle comes out the other way by the same share. The way back starts
     // from the refracted direction as rounded, off by 2u at most; that moves its far side's cosine by
-    // n²·2u over that cosine, and R by no more than 4·n times as much.
-    for ior in [1.5f32, 1.75, 2.4] {
-        let p = fetch::<Dielectric>(MaterialSpec::Dielectric {
-            ior,
-            fresnel: FresnelFormula::Exact,
-        });
-        let mut off = 0.0;
-        for i in 1..2_000 {
-            let cos = f64::from(i) / 2_000.0;
-            let there = Dielectric::branches(&p, splat(direction(cos, 1.0)));
-            let back = Dielectric::branches(&p, there.refracted);
-            let difference = first(there.reflectance) - first(back.reflectance);
-            off = max_or_nan(off, difference.abs() * cos);
+    // n²·2u over the smaller of both cosines, and R by 4n times as much at most, or for n near 1 by
+    // 2(n² + 1)/√(n² − 1), its slope at grazing angles.
+    let off = |ior: f32, formula: FresnelFormula, cos: f64| {
+        let p = glass(ior, formula);
+        let there = Dielectric::branches(&p, splat(direction(cos, 1.0)));
+        if first(there.reflectance) == 1.0 {
+            return 0.0;
         }
-        let bound = 4.0 * f64::from(ior).powi(3) * f64::from(f32::EPSILON);
-        trial.note(
-            format!("glass n {ior}, times cosine"),
-            "R in = R out",
-            Figure::absolute(off, bound, 2_000),
+        let back = Dielectric::branches(&p, there.refracted);
+        let difference = first(there.reflectance) - first(back.reflectance);
+        let n = f64::from(ior.max(1.0 / ior));
+        let least = cos.min(first(there.refracted.z).abs());
+        let slope = (4.0 * n).max(2.0 * (n * n + 1.0) / (n * n - 1.0).sqrt());
+        difference.abs() * least / (slope * n * n * f64::from(f32::EPSILON))
+    };
+    let draws = 20 * count.div_ceil(64);
+    for formula in FORMULAS {
+        let mut note = |label: String, figure: f64, samples: u64| {
+            let figure = Figure::relative(figure, 1.0, samples);
+            trial.note(label, "R in = R out, over its bound", figure);
+        };
+        for ior in [1.5f32, 1.75, 2.4] {
+            let cosines = (1..2_000).map(|i| f64::from(i) / 2_000.0);
+            let worst = cosines.fold(0.0, |worst, cos| max_or_nan(worst, off(ior, formula, cos)));
+            note(format!("glass n {ior}, {formula:?}"), worst, 2_000);
+        }
+        let worst = (0..draws).fold(0.0, |worst, _| {
+            let ior = magnitude(&mut random, 1.0 / 3.0, 3.0) as f32;
+            max_or_nan(worst, off(ior, formula, magnitude(&mut random, 1e-4, 1.0)))
+        });
+        note(
+            format!("glass, {formula:?}, random n 1/3 to 3"),
+            worst,
+            draws,
         );
     }
     Ok(())

@@ -71,7 +71,8 @@ pub struct StabilitySettings {
     pub structures: Vec<String>,
     /// How many samples.
     pub effort: Effort,
-    /// Rays per closed mesh and structure in the case of vertices and edges, instead of those by effort.
+    /// Rays per closed mesh and structure in the cases of vertices and edges and of closed rooms, instead of those by
+    /// effort.
     pub leak_rays: Option<u64>,
     /// Worker threads, ≥ 1. Does not change any finding.
     pub threads: usize,
@@ -202,10 +203,9 @@ const fn case(
     }
 }
 
-/// Every case, by its row in the catalogue. Rows 15 and 20 are part of 14 and 19. Row 44, indices of 10⁸
-/// triangles, is left to tests of the limits, and row 54, renders that are stopped and merged, to tests of the
-/// program; rows 52 and 53 are about photon maps and radiosity, which there are none of.
-pub const CASES: [Case; 60] = [
+/// Every case, by its row in the catalogue. Rows 15 and 20 are part of 14 and 19. Row 54, renders that are stopped
+/// and merged, is left to tests of the program; rows 52 and 53 are about photon maps and radiosity, which there are none of.
+pub const CASES: [Case; 61] = [
     case(
         1,
         "vertices",
@@ -501,6 +501,12 @@ pub const CASES: [Case; 60] = [
         "eyes",
         "eyes on surfaces, within glass, before nothing",
         camera::eyes,
+    ),
+    case(
+        44,
+        "limits",
+        "more primitives than memory holds, or indices count",
+        degenerate::limits,
     ),
     case(
         45,

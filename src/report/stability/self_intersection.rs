@@ -129,8 +129,11 @@ fn bounce(accel: &dyn Accel, geometry: &Geometry, paths: usize, bounces: u64) ->
 }
 
 pub(super) fn closed_room(trial: &mut Trial<'_>) -> Result<()> {
-    let bounces = trial.count(200);
     let paths = 1_000;
+    let bounces = match trial.leak_rays() {
+        Some(rays) => rays.div_ceil(paths as u64),
+        None => trial.count(200),
+    };
     let cube = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
     let (sin, cos) = 10f64.to_radians().sin_cos();
     // An isosceles triangle with 20° at its tip, about the origin.

@@ -81,6 +81,7 @@ cases_pass! {
     many_lights,
     small_scenes,
     eyes,
+    limits,
     counters,
     coverage,
     picture_sizes,

@@ -152,7 +152,7 @@ impl<'a> Trial<'a> {
         self.settings.effort
     }
 
-    /// Rays per closed mesh and structure that were asked for.
+    /// Rays, or bounces, per closed mesh and structure that were asked for.
     pub(super) fn leak_rays(&self) -> Option<u64> {
         self.settings.leak_rays
     }
