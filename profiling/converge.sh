@@ -2,16 +2,22 @@
 # Error against run time: profiling/converge.sh [DIRECTORY]
 #
 # The wavefront against the plain reference integrator at equal error, on every scene in scenes/; sampling
-# strategies and samplers on four of them; the table of the hexagonal room; and the CPU time to 3 % relative error
-# on hexroom-exact. Writes a folder per comparison, with its summary in summary.txt, to DIRECTORY (default
-# profiling/results/converge). References are rendered once and kept in DIRECTORY/cache. The last comparison
-# takes some CPU hours, most of them for its reference; LEAVE_OUT_HEXROOM=1 leaves it out.
+# strategies and samplers on four of them; the other choices of an estimator; the table of the hexagonal room; and
+# the CPU time to 3 % relative error on hexroom-exact. Writes a folder per comparison, with its summary in summary.txt,
+# to DIRECTORY (default profiling/results/converge). References are rendered once and kept in DIRECTORY/cache.
+# The last comparison takes an hour of CPU time or more, half of it for its reference; LEAVE_OUT_HEXROOM=1 leaves it
+# out. WAVEPATH names another program than the one built here; PARTS, a list of integrators, estimators, choices,
+# table and hexroom, leaves out the other parts; REFERENCE_SECONDS are the CPU seconds of a reference at most, but
+# for the last comparison.
 set -euo pipefail
 export LC_ALL=C
 cd "$(dirname "$0")/.."
 
 directory=${1:-profiling/results/converge}
-cargo build --release --quiet
+program=${WAVEPATH:-target/release/wavepath}
+seconds=${REFERENCE_SECONDS:-60}
+parts=" ${PARTS:-integrators estimators choices table hexroom} "
+[ -n "${WAVEPATH:-}" ] || cargo build --release --quiet
 mkdir -p "$directory"
 
 converge() {
@@ -19,23 +25,44 @@ converge() {
     shift 2
     echo "== $name"
     mkdir -p "$directory/$name"
-    target/release/wavepath converge "scenes/$scene.toml" --cache "$directory/cache" --out "$directory/$name" \
+    "$program" converge "scenes/$scene.toml" --cache "$directory/cache" --out "$directory/$name" \
         --quiet "$@" 2>&1 | tee "$directory/$name/summary.txt"
 }
 
-for file in scenes/*.toml; do
-    scene=$(basename "$file" .toml)
-    integrators=path,reference
-    grep -q '^integrator = "whitted"' "$file" && integrators=whitted
-    converge "integrators-$scene" "$scene" --width 48 --height 48 --spp 64 --threads 1 --vary integrator=$integrators \
-        --reference-error 0.05 --reference-seconds 60
-done
-for scene in furnace panel cornell many-lights; do
-    converge "estimators-$scene" "$scene" --width 64 --height 64 --spp 128 --threads 1 --vary strategy=mis,nee,bsdf \
-        --vary sampler=independent,stratified --reference-error 0.02 --reference-seconds 120
-done
-converge table hexroom --table --width 200 --height 200 --repeats 3 --reference-error 0.05 --reference-seconds 600
-if [ -z "${LEAVE_OUT_HEXROOM:-}" ]; then
+if [[ $parts == *" integrators "* ]]; then
+    for file in scenes/*.toml; do
+        scene=$(basename "$file" .toml)
+        integrators=path,reference
+        grep -q '^integrator = "whitted"' "$file" && integrators=whitted
+        # These are hexroom with other sample counts, which do not count here.
+        [[ $scene == hexroom-*spp ]] && continue
+        converge "integrators-$scene" "$scene" --width 48 --height 48 --spp 64 --threads 1 \
+            --vary integrator=$integrators --reference-error 0.05 --reference-seconds "$seconds"
+    done
+fi
+if [[ $parts == *" estimators "* ]]; then
+    for scene in furnace panel cornell many-lights; do
+        converge "estimators-$scene" "$scene" --width 64 --height 64 --spp 128 --threads 1 \
+            --vary strategy=mis,nee,bsdf --vary sampler=independent,stratified,sobol \
+            --reference-error 0.02 --reference-seconds "$seconds"
+    done
+fi
+if [[ $parts == *" choices "* ]]; then
+    for scene in cornell hexroom-exact many-lights materials; do
+        converge "choices-$scene" "$scene" --width 48 --height 48 --spp 64 --threads 1 \
+            --config default= --config sobol=sampler=sobol --config roulette-2=roulette_depth=2 \
+            --config roulette-10=roulette_depth=10 --config splits-3=glass_splits=3 \
+            --config lights-2=light_samples=2 --config lights-4=light_samples=4 --config adaptive=adaptive=true \
+            --config wave-1024=wave=1024 --config wave-16384=wave=16384 --config linear=accel=linear \
+            --config bvh8=accel=bvh8 --config sobol-splits-3=sampler=sobol,glass_splits=3 \
+            --reference-error 0.02 --reference-seconds "$seconds"
+    done
+fi
+if [[ $parts == *" table "* ]]; then
+    converge table hexroom --table --width 200 --height 200 --repeats 3 --reference-error 0.05 --reference-seconds 600
+fi
+if [[ $parts == *" hexroom "* && -z "${LEAVE_OUT_HEXROOM:-}" ]]; then
     converge hexroom-time hexroom-exact --width 200 --height 200 --spp 32768 --repeats 3 --threads 1 \
+        --config default= --config sobol=sampler=sobol --config sobol-splits-3=sampler=sobol,glass_splits=3 \
         --reference-error 0.02 --reference-seconds 2000
 fi

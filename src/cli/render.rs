@@ -8,7 +8,7 @@ use crate::compile::compile_with_progress;
 use crate::error::{Error, Result};
 use crate::film::{Provenance, write_atomically, write_image};
 use crate::integrator::checkpoint::{Identity, Resume, Saving, Snapshot};
-use crate::integrator::{self, Outcome, plan::Plan, stats::EndReason};
+use crate::integrator::{self, Outcome, clock::process_cpu_seconds, plan::Plan, stats::EndReason};
 use crate::report::{
     Build, Machine, RenderReport, ReportInput, ResultReport, SceneReport, Stopwatch, Times, bias,
 };
@@ -73,7 +73,6 @@ pub(super) fn execute(job: &RenderJob) -> Result<(RenderReport, Result<()>)> {
     let build = watch.span();
 
     interrupt::listen()?;
-    let watch = Stopwatch::start();
     let observer = |state: &_| {
         progress.show(state);
         if interrupt::requested() {
@@ -100,7 +99,6 @@ pub(super) fn execute(job: &RenderJob) -> Result<(RenderReport, Result<()>)> {
             )
         }
     };
-    let render = watch.span();
     progress.finish();
     let outcome = outcome?;
 
@@ -109,7 +107,7 @@ pub(super) fn execute(job: &RenderJob) -> Result<(RenderReport, Result<()>)> {
     let write = watch.span();
 
     let plan = Plan::new(&compiled, settings);
-    let report = RenderReport::new(ReportInput {
+    let mut report = RenderReport::new(ReportInput {
         scene: SceneReport {
             name: job.scene_job.name(),
             camera: job.scene_job.camera_name().to_owned(),
@@ -129,11 +127,17 @@ pub(super) fn execute(job: &RenderJob) -> Result<(RenderReport, Result<()>)> {
         times: Times {
             load: load.time,
             build,
-            render,
+            prepare: outcome.stats.prepare,
+            render: outcome.stats.rounds,
+            estimate: outcome.stats.between,
             write,
+            process_cpu_seconds: 0.0,
         },
         images,
     });
+    // To free the film and the scene takes time too.
+    drop((outcome, compiled));
+    report.times.process_cpu_seconds = process_cpu_seconds();
     if let Some(path) = &job.report {
         write_json(path, &report)?;
     }

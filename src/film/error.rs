@@ -1,6 +1,6 @@
 //! How far the image is from its expectation, from the image alone.
 
-use super::{Film, RELATIVE_EPSILON, relative_variance};
+use super::{Film, RELATIVE_EPSILON, neighbourhood, relative_variance};
 
 /// The 97.5 % quantile of the normal distribution.
 const QUANTILE: f64 = 1.959_964;
@@ -19,6 +19,11 @@ impl Film {
     /// pixels and channels, of variance / (mean² + ε²), with ε = [`RELATIVE_EPSILON`] × the image's
     /// mean. It needs no reference, falls as 1/√samples, and does not depend on exposure. `None`
     /// unless every pixel has two blocks.
+    ///
+    /// The mean in the denominator is that of the pixel and of those neighbours that agree with it, the pixel
+    /// itself counting less the noisier it is beside them. With the pixel's own mean alone, a pixel in
+    /// which one block was far brighter than all others would count as variance ≈ mean², whatever its
+    /// expectation: errors of the hexagonal room were told at half their size.
     pub fn relative_error(&self) -> Option<f64> {
         self.error_estimate().map(|error| error.estimate)
     }
@@ -27,38 +32,61 @@ impl Film {
     /// root of the mean of (mean − expectation)² / (expectation² + ε²).
     ///
     /// With q the term of a pixel, averaged over its channels, the squared estimate is the mean of q over P
-    /// pixels. It and the true squared error have the same expectation; a pixel's true squared deviation
-    /// has variance 2q² and its estimate from n degrees of freedom 2q²/n, if block means are normal and
-    /// channels go together, the least favourable case. An unbiased estimate of q² is the squared estimate
-    /// over 1 + 2/n. So their difference has the variance Σ 2(1 + 1/n)/(1 + 2/n)·q² / P², and the interval
-    /// is that of a log-normal ratio with this relative variance. It is as good as the estimate: too
-    /// low where rare bright paths have not been seen, too high for sequences that are spread more evenly
-    /// than independent blocks.
+    /// pixels. It and the true squared error have the same expectation. Their difference is, pixel by pixel, the
+    /// U-statistic Σ x_i x_j / (B(B − 1)) over the pairs of the B = n + 1 block means' deviations, and so has the
+    /// variance 2(1 + 1/n)·E(q)² whatever the distribution of block means (if channels go together, the least
+    /// favourable case). For normal ones the unbiased estimate of E(q)² is q² over 1 + 2/n, for others with
+    /// heavier tails that is too large, and the interval wide. The interval is that of a log-normal ratio with this
+    /// relative variance; as the denominators are not certain either, its ends are those of the wider one of two, with
+    /// the neighbours' help and with each pixel's own mean alone. Sequences that are spread more evenly than independent blocks may be below it.
     pub fn error_estimate(&self) -> Option<ErrorEstimate> {
         if self.is_empty() {
             return None;
         }
         let epsilon = RELATIVE_EPSILON * self.image_mean();
-        let (mut sum, mut spread) = (0.0, 0.0);
-        for pixel in 0..self.len() {
-            let term = relative_variance(self.mean(pixel), self.variance(pixel)?, epsilon);
+        let mut terms = [Terms::default(); 2];
+        neighbourhood::visit(self, |pixel, variance, means| {
             let freedom = self.degrees_of_freedom(pixel) as f64;
-            sum += term;
-            if term > 0.0 {
-                spread += 2.0 * (1.0 + 1.0 / freedom) / (1.0 + 2.0 / freedom) * term * term;
+            for (terms, mean) in terms.iter_mut().zip(means) {
+                terms.add(relative_variance(mean, variance, epsilon), freedom);
             }
+        })?;
+        let [(_, own), (estimate, supported)] = terms.map(|terms| terms.estimate(self.len()));
+        Some(ErrorEstimate {
+            estimate,
+            interval: [own[0].min(supported[0]), own[1].max(supported[1])],
+        })
+    }
+}
+
+/// Sums over pixels of what an estimate is made of.
+#[derive(Debug, Clone, Copy, Default)]
+struct Terms {
+    /// Σ q, over channels too.
+    sum: f64,
+    /// The variance of what it is off.
+    spread: f64,
+}
+
+impl Terms {
+    /// Adds a pixel whose channels have the sum `term`, with so many degrees of freedom.
+    fn add(&mut self, term: f64, freedom: f64) {
+        self.sum += term;
+        if term > 0.0 {
+            self.spread += 2.0 * (1.0 + 1.0 / freedom) / (1.0 + 2.0 / freedom) * term * term;
         }
-        let estimate = (sum / (3 * self.len()) as f64).sqrt();
-        let relative_variance = if spread > 0.0 {
-            spread / (sum * sum)
+    }
+
+    /// The estimate and its interval.
+    fn estimate(self, pixels: usize) -> (f64, [f64; 2]) {
+        let estimate = (self.sum / (3 * pixels) as f64).sqrt();
+        let relative_variance = if self.spread > 0.0 {
+            self.spread / (self.sum * self.sum)
         } else {
             0.0
         };
         let factor = (0.5 * QUANTILE * relative_variance.ln_1p().sqrt()).exp();
-        Some(ErrorEstimate {
-            estimate,
-            interval: [estimate / factor, estimate * factor],
-        })
+        (estimate, [estimate / factor, estimate * factor])
     }
 }
 

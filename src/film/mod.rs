@@ -7,6 +7,7 @@ pub mod checkpoint;
 pub mod compare;
 pub mod error;
 pub(crate) mod memory;
+mod neighbourhood;
 pub mod openexr;
 pub mod output;
 mod png;

@@ -1,6 +1,9 @@
-//! Time per stage, and CPU time of threads and of the process.
+//! Time per stage and per phase, and CPU time of threads and of the process.
 
+use std::ops::{AddAssign, Sub};
 use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
 
 /// The steps of the driver loop; their names label every profile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,6 +84,58 @@ impl StageClock {
     }
 }
 
+/// Time that a phase took.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Span {
+    /// Wall seconds.
+    pub wall_seconds: f64,
+    /// CPU seconds of all threads of the process, user and system.
+    pub cpu_seconds: f64,
+}
+
+/// Measures a [`Span`].
+#[derive(Debug, Clone, Copy)]
+pub struct Stopwatch {
+    wall: Instant,
+    cpu_seconds: f64,
+}
+
+impl Stopwatch {
+    /// Starts now.
+    pub fn start() -> Self {
+        Self {
+            wall: Instant::now(),
+            cpu_seconds: process_cpu_seconds(),
+        }
+    }
+
+    /// Time since the start.
+    pub fn span(&self) -> Span {
+        Span {
+            wall_seconds: self.wall.elapsed().as_secs_f64(),
+            cpu_seconds: process_cpu_seconds() - self.cpu_seconds,
+        }
+    }
+}
+
+impl AddAssign for Span {
+    fn add_assign(&mut self, other: Self) {
+        self.wall_seconds += other.wall_seconds;
+        self.cpu_seconds += other.cpu_seconds;
+    }
+}
+
+impl Sub for Span {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self {
+            wall_seconds: self.wall_seconds - other.wall_seconds,
+            cpu_seconds: self.cpu_seconds - other.cpu_seconds,
+        }
+    }
+}
+
 /// CPU seconds of the calling thread so far.
 pub fn thread_cpu_seconds() -> f64 {
     clock_seconds(libc::CLOCK_THREAD_CPUTIME_ID)
@@ -119,6 +174,19 @@ mod tests {
         assert_eq!(clock.items[Step::Shade as usize], 5);
         for (i, step) in Step::ALL.into_iter().enumerate() {
             assert_eq!(step as usize, i);
+        }
+    }
+
+    #[test]
+    fn busy_work_counts_as_cpu_time_and_sleep_does_not() {
+        let watch = Stopwatch::start();
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        assert!(watch.span().wall_seconds >= 0.02);
+
+        let before = process_cpu_seconds();
+        let start = Instant::now();
+        while process_cpu_seconds() - before < 0.01 {
+            assert!(start.elapsed().as_secs() < 60, "the CPU clock stands still");
         }
     }
 }

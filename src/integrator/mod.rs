@@ -30,13 +30,17 @@ use crate::wave::{COUNTED_DEPTHS, Wave};
 
 use adaptive::Adaptive;
 use checkpoint::{Earlier, Past, Resume, Saver, Saving};
-use clock::{StageClock, Step, thread_cpu_seconds};
+use clock::{Span, StageClock, Step, Stopwatch, thread_cpu_seconds};
 use schedule::{Schedule, Tiles};
 use stats::{DepthStats, EndReason, Progress, RenderStats, StageStats};
 use wavefront::Passes;
 
 /// Blocks that an error goal needs before it is believed.
 const BLOCKS_BEFORE_ERROR: u64 = 5;
+/// An estimate takes as long as half a sample of every pixel, so the error is estimated when there are a
+/// sixteenth more samples than the last time if it is a goal, half as many more if it is only told.
+const LOOKS: u64 = 16;
+const LOOKS_WITHOUT_GOAL: u64 = 2;
 /// Wall seconds between calls of the observer.
 const OBSERVER_INTERVAL: f64 = 0.05;
 
@@ -98,6 +102,7 @@ pub fn render_resumable(
     resume: Option<Resume>,
     saving: Option<Saving<'_>>,
 ) -> Result<Outcome> {
+    let watch = Stopwatch::start();
     let tiles = Tiles::new(compiled.width, compiled.height);
     let (mut schedule, film, past) = match resume {
         Some(resume) => resume.parts(),
@@ -115,7 +120,13 @@ pub fn render_resumable(
     session.error = error;
     session.earlier = stats;
     let mut saver = Saver::new(saving, earlier.as_ref(), session.paths);
+    let prepare = watch.span();
     let pixels = session.film().len() as u64;
+    let looks = match settings.budget {
+        Budget::Error(_) => LOOKS,
+        Budget::Samples(_) | Budget::Seconds(_) => LOOKS_WITHOUT_GOAL,
+    };
+    let start = Stopwatch::start();
     let mut seconds = session.earlier.wall_seconds;
     let mut seconds_per_path = match session.paths {
         0 => 0.0,
@@ -164,8 +175,7 @@ pub fn render_resumable(
         }
         seconds = now;
         rounds += 1;
-        // An adaptive round may be short: the error is estimated once per sample of every pixel at most.
-        if session.paths - estimated_at >= pixels {
+        if session.paths - estimated_at >= pixels.max(estimated_at / looks) {
             estimated_at = session.paths;
             session.error = session.film().relative_error();
         }
@@ -174,9 +184,14 @@ pub fn render_resumable(
         }
     };
     saver.save(&mut session, &schedule, rounds, estimated_at);
+    let stats = RenderStats {
+        prepare,
+        between: start.span() - session.rounds,
+        ..session.stats_until_now()
+    };
     Ok(Outcome {
-        stats: session.stats_until_now(),
         film: session.into_film(),
+        stats,
         ended,
         earlier,
     })
@@ -201,8 +216,8 @@ pub struct Session<'a> {
     samples: u64,
     /// Paths in the film.
     paths: u64,
-    /// Wall seconds in rounds.
-    wall_seconds: f64,
+    /// Time in rounds.
+    rounds: Span,
     /// Counts and times of earlier sessions, if the render was resumed.
     earlier: RenderStats,
     /// Error estimate to tell the observer.
@@ -273,7 +288,7 @@ impl<'a> Session<'a> {
             film: Mutex::new(film),
             blocks: 0,
             samples: 0,
-            wall_seconds: 0.0,
+            rounds: Span::default(),
             earlier: RenderStats::default(),
             error: None,
             started: Instant::now(),
@@ -339,7 +354,7 @@ impl<'a> Session<'a> {
         let paths_of =
             |items: &[WorkItem]| -> u64 { items.iter().map(|item| u64::from(item.paths())).sum() };
         let paths = paths_of(items);
-        let start = Instant::now();
+        let watch = Stopwatch::start();
         let next_item = AtomicUsize::new(0);
         self.pool.broadcast(|context| {
             let mut worker = self.workers[context.index()]
@@ -365,7 +380,7 @@ impl<'a> Session<'a> {
             });
         });
         let interrupted = shared.interrupted.into_inner();
-        self.wall_seconds += start.elapsed().as_secs_f64();
+        self.rounds += watch.span();
         // Whoever takes an item renders it.
         let done = next_item.into_inner().min(items.len());
         self.paths += paths_of(&items[..done]);
@@ -403,7 +418,7 @@ impl<'a> Session<'a> {
             self.compiled,
             &self.settings,
             self.locked_workers(),
-            self.wall_seconds,
+            self.rounds,
         );
         stats.add(&self.earlier);
         stats
@@ -645,10 +660,11 @@ fn summarise<'w>(
     scene: &CompiledScene,
     settings: &RenderSettings,
     workers: impl Iterator<Item = MutexGuard<'w, Worker>>,
-    wall_seconds: f64,
+    rounds: Span,
 ) -> RenderStats {
     let mut stats = RenderStats {
-        wall_seconds,
+        wall_seconds: rounds.wall_seconds,
+        rounds,
         ..RenderStats::default()
     };
     let mut clock = StageClock::default();

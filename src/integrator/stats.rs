@@ -3,6 +3,7 @@
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
+use super::clock::Span;
 use crate::wave::Rejections;
 
 use super::clock::Step;
@@ -61,6 +62,12 @@ pub struct RenderStats {
     pub cpu_seconds: f64,
     /// Wall seconds from the first work item to the last.
     pub wall_seconds: f64,
+    /// Preparation in this session: film, queues, threads.
+    pub prepare: Span,
+    /// Rounds of work items in this session: the workers' time, and what it takes to wake them and to wait for them.
+    pub rounds: Span,
+    /// Between rounds in this session: estimates of the error, which work items are next, checkpoints.
+    pub between: Span,
     /// Time per stage; the rest of `cpu_seconds` is scheduling and the film.
     pub stages: Vec<StageStats>,
     /// Camera paths.

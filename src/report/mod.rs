@@ -1,18 +1,19 @@
 //! What a render tells about itself: one struct, written as JSON and as text.
 
 pub mod accels;
-mod clock;
 pub mod converge;
 pub mod gallery;
 mod html;
 mod load;
 mod machine;
+mod memory;
 pub mod stability;
 mod summary;
 
-pub use clock::{Span, Stopwatch, peak_memory};
+pub use crate::integrator::clock::{Span, Stopwatch};
 pub use load::{LoadReport, MeshReport};
 pub use machine::{Build, Machine};
+pub use memory::peak_memory;
 
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +24,7 @@ use crate::scene::{IntegratorKind, RenderSettings};
 use crate::wave::Rejections;
 
 /// Version of the JSON format; it changes when a field changes its meaning or disappears.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 
 /// The report of a render; its serialised form is the format of `--report`. Rates are 0 where
 /// nothing was timed.
@@ -188,10 +189,36 @@ pub struct Times {
     pub load: Span,
     /// Compiling it: acceleration structure, lights, plan.
     pub build: Span,
-    /// Rendering.
+    /// Film, queues and threads of the render.
+    pub prepare: Span,
+    /// Rounds of work items. The stages share the workers' part of it; the rest is to wake and to await them.
     pub render: Span,
+    /// Between rounds: estimates of the error, and which work items are next.
+    pub estimate: Span,
     /// Writing the images.
     pub write: Span,
+    /// CPU seconds of the whole process from its start until the report was made.
+    pub process_cpu_seconds: f64,
+}
+
+impl Times {
+    /// Each phase with its name, in order.
+    pub fn phases(&self) -> [(&'static str, Span); 6] {
+        [
+            ("load", self.load),
+            ("build", self.build),
+            ("prepare", self.prepare),
+            ("render", self.render),
+            ("estimate", self.estimate),
+            ("write", self.write),
+        ]
+    }
+
+    /// CPU seconds of the process in no phase: its start, checks, what the report itself takes.
+    pub fn other_cpu_seconds(&self) -> f64 {
+        let phases = self.phases().into_iter();
+        self.process_cpu_seconds - phases.map(|(_, span)| span.cpu_seconds).sum::<f64>()
+    }
 }
 
 /// Camera paths and their rate.
@@ -523,6 +550,7 @@ pub(crate) mod tests {
             rejected_by_stage: Rejections::default(),
             clamped: 0,
             truncated: 3,
+            ..RenderStats::default()
         };
         let settings = RenderSettings {
             wave: 1000,
@@ -562,6 +590,7 @@ pub(crate) mod tests {
                     wall_seconds: 0.1,
                     cpu_seconds: 0.3,
                 },
+                process_cpu_seconds: 2.5,
                 ..Times::default()
             },
             images: vec!["room.png".into()],

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use crate::integrator::stats::EndReason;
 use crate::scene::{AccelKind, Budget};
 
-use super::{DepthReport, RenderReport, ResumeReport, Span, ratio};
+use super::{DepthReport, RenderReport, ResumeReport, ratio};
 
 /// Depths with a line of their own; deeper ones share the last line.
 const DEPTH_LINES: usize = 8;
@@ -112,20 +112,19 @@ impl RenderReport {
 
     fn time_table(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "\n{:<14}{:>10}{:>10}", "phase", "wall s", "CPU s")?;
-        let times = &self.times;
-        let phases: [(&str, Span); 4] = [
-            ("load", times.load),
-            ("build", times.build),
-            ("render", times.render),
-            ("write", times.write),
-        ];
-        for (phase, span) in phases {
+        for (phase, span) in self.times.phases() {
             writeln!(
                 f,
                 "{phase:<14}{:>10.3}{:>10.3}",
                 span.wall_seconds, span.cpu_seconds
             )?;
         }
+        let (other, all) = (
+            self.times.other_cpu_seconds(),
+            self.times.process_cpu_seconds,
+        );
+        writeln!(f, "{:<14}{:>10}{other:>10.3}", "other", "")?;
+        writeln!(f, "{:<14}{:>10}{all:>10.3}", "process", "")?;
         write!(f, "{}", self.load)
     }
 
@@ -307,6 +306,8 @@ mod tests {
             "seed 18446744073709551615, 2 threads, wave 1000, block 16",
             "lanes",
             "load               0.100     0.300",
+            "other                        2.200",
+            "process                      2.500",
             "room.obj: 70000 triangles",
             "when the scene was loaded",
             "build",

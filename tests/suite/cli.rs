@@ -233,6 +233,56 @@ fn report_holds_the_settings_that_were_typed_and_consistent_counts() {
     assert!(report.times.render.wall_seconds > 0.0 && report.memory.peak_bytes.unwrap() > 0);
 }
 
+/// Seconds in a line of the shell's `times`: `0m1.25s 0m0.03s`, user and system.
+fn shell_seconds(line: &str) -> f64 {
+    line.split_whitespace()
+        .map(|time| {
+            let (minutes, seconds) = time.strip_suffix('s').unwrap().split_once('m').unwrap();
+            60.0 * minutes.parse::<f64>().unwrap() + seconds.parse::<f64>().unwrap()
+        })
+        .sum()
+}
+
+#[test]
+#[cfg(unix)]
+fn time_that_is_told_is_what_the_system_accounts_for() {
+    let directory = directory();
+    let options = "--width=300 --height=300 --spp=96 --threads=1 --quiet --report=r.json";
+    let output = Command::new("sh")
+        .current_dir(directory.path())
+        .args([
+            "-c",
+            "\"$@\"; times",
+            "sh",
+            env!("CARGO_BIN_EXE_wavepath"),
+            "render",
+            SCENE,
+        ])
+        .args(options.split(' '))
+        .output()
+        .unwrap();
+    // The shell's own time, then that of the program.
+    let system = shell_seconds(stdout(&output).lines().nth(1).unwrap());
+    let report = report(&directory.path().join("r.json"));
+    // Shells count in ticks of 10 ms, of user and of system time.
+    let ticks = 0.02;
+    let near = |told: f64, from: f64, ticks: f64| (told - from).abs() <= 0.02 * from + ticks;
+    let times = report.times;
+    assert!(system > 0.5, "{system} s are too few to tell");
+    assert!(
+        near(times.process_cpu_seconds, system, ticks),
+        "{system}: {times:?}"
+    );
+    // Almost all of it is in a phase, and the stages have the rendering.
+    let phases = times.process_cpu_seconds - times.other_cpu_seconds();
+    assert!(near(phases, system, ticks), "{system}: {times:?}");
+    let stages: f64 = report.stages.iter().map(|stage| stage.cpu_seconds).sum();
+    assert!(
+        near(stages, times.render.cpu_seconds, 0.0),
+        "{stages}: {times:?}"
+    );
+}
+
 #[test]
 fn time_limit_ends_the_render_and_progress_is_told_in_lines() {
     let directory = directory();

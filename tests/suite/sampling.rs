@@ -1,6 +1,7 @@
 //! Where samples go: error goals, adaptive sampling, several light samples, splitting at glass.
 
 use wavepath::film::{Film, RELATIVE_EPSILON};
+use wavepath::integrator::Outcome;
 use wavepath::integrator::stats::EndReason;
 use wavepath::scene::{
     BsdfDescription, Budget, IntegratorKind, RenderSettings, SamplerKind, SceneDescription,
@@ -32,56 +33,124 @@ fn settings(scene: &SceneDescription, budget: Budget) -> RenderSettings {
     }
 }
 
+/// Renders that are held against a long one of the same scene.
+struct Told {
+    /// In how many the interval holds the true error.
+    held: u32,
+    /// In how many the true error is not above the interval.
+    not_above: u32,
+    /// Mean of the told error over the mean of the true one, squares being averaged.
+    ratio: f64,
+}
+
+/// What 100 renders tell of their error, and a check of each.
+fn told(
+    scene: &SceneDescription,
+    size: [u32; 2],
+    settings: &RenderSettings,
+    reference: &Film,
+    check: impl Fn(&Outcome),
+) -> Told {
+    let (mut held, mut not_above, mut estimates, mut truths) = (0, 0, 0.0, 0.0);
+    for seed in 0..100 {
+        let settings = RenderSettings {
+            seed,
+            ..settings.clone()
+        };
+        let outcome = picture(scene, 0, size, &settings);
+        check(&outcome);
+        let error = outcome.film.error_estimate().expect("several blocks");
+        let truth = relative_error(&outcome.film, reference);
+        let [low, high] = error.interval;
+        held += u32::from((low..=high).contains(&truth));
+        not_above += u32::from(truth <= high);
+        estimates += error.estimate * error.estimate;
+        truths += truth * truth;
+    }
+    let ratio = (estimates / truths).sqrt();
+    Told {
+        held,
+        not_above,
+        ratio,
+    }
+}
+
+/// An image of so many samples per pixel, with a seed of its own.
+fn long(scene: &SceneDescription, size: [u32; 2], base: &RenderSettings, samples: u64) -> Film {
+    let settings = RenderSettings {
+        budget: Budget::Samples(samples),
+        sampler: SamplerKind::Independent,
+        adaptive: false,
+        seed: 1000,
+        ..base.clone()
+    };
+    picture(scene, 0, size, &settings).film
+}
+
+/// Of 100 intervals that each hold the truth with a probability of 95 %, fewer than 88 do so once in 700 times.
+const LEAST_HELD: u32 = 88;
+
 #[test]
 #[expect(
     clippy::print_stdout,
     reason = "how often, for those who ask with --nocapture"
 )]
-fn error_goals_are_met_and_the_interval_holds_the_true_error_in_most_of_100_renders() {
-    let scene = load("cornell.toml");
-    let size = [8, 8];
-    let goal = 0.08;
-    for (max_depth, sampler, adaptive, least) in [
-        // 95 if block means were normal and relative errors had the true mean in their denominator. The
-        // figures are fixed by the seeds; printed by the test, they are 85 and more.
-        (Some(2), SamplerKind::Independent, false, 80),
-        (Some(2), SamplerKind::Independent, true, 80),
-        // With all bounces rare bright samples, which the estimate has not seen, cost a tenth of the renders.
-        (None, SamplerKind::Independent, false, 80),
-        // The estimate is conservative: the error may be below the interval.
-        (Some(2), SamplerKind::Sobol, false, 0),
+fn error_goals_are_met_and_the_interval_holds_the_true_error_of_100_renders() {
+    let (independent, sobol) = (SamplerKind::Independent, SamplerKind::Sobol);
+    // With fewer pixels the one that has not seen the edge of a light yet decides: of 8 x 8 it was 87 at 8 %.
+    let size = [16, 16];
+    for (name, goal, max_depth, sampler, adaptive) in [
+        ("cornell.toml", 0.12, Some(2), independent, false),
+        ("cornell.toml", 0.12, Some(2), independent, true),
+        ("cornell.toml", 0.12, None, independent, false),
+        ("hexroom.toml", 0.4, None, independent, false),
+        ("many-lights.toml", 0.2, None, independent, false),
+        ("cornell.toml", 0.12, Some(2), sobol, false),
     ] {
-        let base = RenderSettings {
+        let scene = load(name);
+        let settings = RenderSettings {
             max_depth,
+            sampler,
+            adaptive,
             ..settings(&scene, Budget::Error(goal))
         };
-        let long = RenderSettings {
-            budget: Budget::Samples(1 << 15),
-            seed: 1000,
-            ..base.clone()
-        };
-        let reference = picture(&scene, 0, size, &long).film;
-        let (mut held, mut below) = (0, 0);
-        for seed in 0..100 {
-            let settings = RenderSettings {
-                sampler,
-                adaptive,
-                seed,
-                ..base.clone()
-            };
-            let outcome = picture(&scene, 0, size, &settings);
+        let reference = long(&scene, size, &settings, 1 << 14);
+        let told = told(&scene, size, &settings, &reference, |outcome| {
             assert_eq!(outcome.ended, EndReason::Error);
-            let error = outcome.film.error_estimate().expect("several blocks");
-            assert!(error.estimate <= goal);
-            let truth = relative_error(&outcome.film, &reference);
-            let [low, high] = error.interval;
-            held += u32::from((low..=high).contains(&truth));
-            below += u32::from(truth <= high);
-        }
-        println!(
-            "depth {max_depth:?}, {sampler:?}, adaptive {adaptive}: {held} held, {below} not above"
+            assert!(outcome.film.relative_error().expect("several blocks") <= goal);
+        });
+        let label = format!(
+            "{name}, depth {max_depth:?}, {sampler:?}, adaptive {adaptive}: {} held, {} not above, told {:.2} of true",
+            told.held, told.not_above, told.ratio
         );
-        assert!(held >= least && below >= least.max(80));
+        println!("{label}");
+        // What `sobol` tells is conservative: the error may be below the interval.
+        assert!(told.held >= LEAST_HELD || sampler == sobol, "{label}");
+        assert!(told.not_above >= LEAST_HELD, "{label}");
+    }
+}
+
+#[test]
+#[ignore = "takes minutes; a table as in README.md"]
+#[expect(clippy::print_stdout, reason = "the table is what it is for")]
+fn intervals_hold_the_true_error_on_five_scenes_at_three_sample_counts() {
+    let size = [24, 24];
+    println!(
+        "{:<12}{:>6}{:>6}{:>11}{:>13}",
+        "scene", "spp", "held", "not above", "told of true"
+    );
+    for name in ["furnace", "panel", "cornell", "hexroom", "many-lights"] {
+        let scene = load(&format!("{name}.toml"));
+        let reference = long(&scene, size, &settings(&scene, Budget::Samples(1)), 1 << 16);
+        for samples in [80, 256, 1024] {
+            let settings = settings(&scene, Budget::Samples(samples));
+            let told = told(&scene, size, &settings, &reference, |_| ());
+            println!(
+                "{name:<12}{samples:>6}{:>6}{:>11}{:>13.2}",
+                told.held, told.not_above, told.ratio
+            );
+            assert!(told.held >= LEAST_HELD, "{name}, {samples}");
+        }
     }
 }
 

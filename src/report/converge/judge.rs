@@ -6,9 +6,6 @@ use super::results::{BiasVerdict, Configuration, ReferenceKind, ReferenceReport,
 /// Largest share by which the rendering time may differ from the process's own accounting of it.
 const ACCOUNTING: f64 = 0.02;
 
-/// CPU seconds of a difference that is worth a word: to start some hundred passes takes as much.
-const STARTING: f64 = 0.05;
-
 /// Slope above which errors fall more slowly than those of independent samples of finite variance.
 const FLAT_SLOPE: f64 = -0.45;
 
@@ -28,14 +25,11 @@ pub(super) fn judge(results: &Results, goal: f64) -> Vec<String> {
     if results.settings.repeats == 1 {
         warnings.push("a single repeat: no figure has an interval".to_owned());
     }
-    let accounting = results.accounting;
-    let missing = accounting.process_cpu_seconds - accounting.curves_cpu_seconds;
-    if let Some(ratio) = accounting.ratio
+    if let Some(ratio) = results.accounting.ratio
         && (ratio - 1.0).abs() > ACCOUNTING
-        && missing.abs() > STARTING
     {
         warnings.push(format!(
-            "the curves hold {:.1} % of the CPU time that the process accounts for",
+            "the passes hold {:.1} % of the CPU time that the process accounts for",
             100.0 * ratio
         ));
     }

@@ -169,7 +169,8 @@ fn conditions(results: &Results) -> Markup {
             (tables::phases(results))
             p.small {
                 @if let Some(ratio) = accounting.ratio {
-                    "The curves contain " (number(accounting.curves_cpu_seconds)) " CPU s; the process accounts for "
+                    "The curves contain " (number(accounting.curves_cpu_seconds)) " CPU s, to wake the threads took "
+                    (number(accounting.waking_cpu_seconds)) " CPU s; the process accounts for "
                     (number(accounting.process_cpu_seconds)) " CPU s in the same passes, a ratio of "
                     (format!("{ratio:.4}")) ". "
                 }

@@ -10,7 +10,7 @@ use crate::report::{Build, Machine, SceneReport, Span, StageReport};
 use crate::scene::RenderSettings;
 
 /// Version of the JSON format; it changes when a field changes its meaning or disappears.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 
 /// A whole comparison.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -453,10 +453,12 @@ pub struct Phases {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Accounting {
-    /// CPU seconds that the curves contain.
+    /// CPU seconds that the curves contain: those of worker threads in work items.
     pub curves_cpu_seconds: f64,
+    /// CPU seconds that it took to wake the workers for each pass and to wait for them.
+    pub waking_cpu_seconds: f64,
     /// CPU seconds of the whole process in the same passes.
     pub process_cpu_seconds: f64,
-    /// The first over the second; `None` if nothing was rendered.
+    /// The first two over the third; `None` if nothing was rendered.
     pub ratio: Option<f64>,
 }

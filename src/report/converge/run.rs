@@ -105,9 +105,9 @@ pub fn converge(
     let settings = &input.settings;
     let mut runs = Vec::new();
     for configuration in input.configurations {
-        add(&mut phases.load, configuration.load);
+        phases.load += configuration.load;
         let run = Run::new(configuration, settings)?;
-        add(&mut phases.build, run.build);
+        phases.build += run.build;
         runs.push(run);
     }
 
@@ -217,11 +217,6 @@ fn equal_time(runs: &[Run]) -> f64 {
         .filter_map(|run| run.snapshots.last())
         .map(|snapshot| snapshot.cpu_seconds)
         .fold(f64::INFINITY, f64::min)
-}
-
-fn add(total: &mut Span, span: Span) {
-    total.wall_seconds += span.wall_seconds;
-    total.cpu_seconds += span.cpu_seconds;
 }
 
 /// A configuration while it is rendered.
@@ -386,13 +381,13 @@ fn render_repeat(
             )));
             let watch = Stopwatch::start();
             turn.advance(&run.schedule, run.settings.block, interrupted);
-            add(&mut phases.render, watch.span());
+            phases.render += watch.span();
             if turn.ended == Some(EndedBy::Interrupted) {
                 break;
             }
             let watch = Stopwatch::start();
             turn.score(&images[run.reference], progress.repeat == 0, &run.scene);
-            add(&mut phases.score, watch.span());
+            phases.score += watch.span();
         }
         if interrupted() {
             break;
@@ -531,6 +526,7 @@ impl Run {
         let mut total = RenderStats::default();
         for stats in &self.totals {
             total.cpu_seconds += stats.cpu_seconds;
+            total.rounds += stats.rounds;
             total.rejected += stats.rejected;
             total.truncated += stats.truncated;
             total.stages.resize_with(stats.stages.len(), || StageStats {
@@ -619,10 +615,12 @@ impl Run {
 /// What the curves say of the rendering time, and what the process says of the same passes.
 fn accounting(totals: &[RenderStats], render: Span) -> Accounting {
     let curves: f64 = totals.iter().map(|stats| stats.cpu_seconds).sum();
+    let rounds: f64 = totals.iter().map(|stats| stats.rounds.cpu_seconds).sum();
     let process = render.cpu_seconds;
     Accounting {
         curves_cpu_seconds: curves,
+        waking_cpu_seconds: rounds - curves,
         process_cpu_seconds: process,
-        ratio: (process > 0.0).then(|| curves / process),
+        ratio: (process > 0.0).then(|| rounds / process),
     }
 }

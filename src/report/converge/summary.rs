@@ -58,8 +58,9 @@ impl fmt::Display for Results {
         if let Some(ratio) = self.accounting.ratio {
             writeln!(
                 f,
-                "rendering took {:.3} CPU s in the curves, {:.2} % of the process's accounting",
+                "rendering took {:.3} CPU s in the curves and {:.3} to wake threads, {:.2} % of the process's accounting",
                 self.accounting.curves_cpu_seconds,
+                self.accounting.waking_cpu_seconds,
                 100.0 * ratio
             )?;
         }

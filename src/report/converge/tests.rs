@@ -173,6 +173,7 @@ fn results(all: Vec<Vec<Repeat>>) -> Results {
         phases: Phases::default(),
         accounting: Accounting {
             curves_cpu_seconds: 0.0,
+            waking_cpu_seconds: 0.0,
             process_cpu_seconds: 0.0,
             ratio: None,
         },

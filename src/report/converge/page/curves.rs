@@ -23,7 +23,7 @@ const RIGHT: usize = 170;
 /// Least pixels between two labels.
 const LABEL_DISTANCE: f64 = 17.0;
 /// Curves with labels: more would run over the lower edge.
-const MOST_LABELS: usize = 16;
+const MOST_LABELS: usize = 8;
 /// Letters of a name in a label; the legend has all.
 const LABEL_LETTERS: usize = 18;
 /// Share of the range of an axis that is left free at each end.
