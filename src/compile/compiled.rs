@@ -208,6 +208,7 @@ pub fn compile_with_progress(
     let alone =
         settings.strategy == Strategy::Nee || settings.integrator == IntegratorKind::Whitted;
     let lights = if alone {
+        tables.keep_lights_apart();
         LightTable::new(&tables.lights)?
     } else {
         LightTable::by_area(&tables.lights)?
@@ -621,6 +622,19 @@ impl<'a> Tables<'a> {
         if primitives[1] != primitives[0] {
             let index = self.light[primitives[0] as usize];
             self.mark_emitter(primitives[1], index);
+        }
+    }
+
+    /// Makes a polygon of its own of each flat light: one that is sampled by solid angle must not light what lies on
+    /// itself, which only its own number on a hit tells from a neighbour's.
+    fn keep_lights_apart(&mut self) {
+        let materials = self.scene.materials.len() as u32;
+        for light in &self.lights {
+            if let Light::Flat(FlatLight { primitives, .. }) = light {
+                for &primitive in primitives {
+                    self.geometry.groups[primitive as usize] = materials + primitives[0];
+                }
+            }
         }
     }
 

@@ -22,7 +22,8 @@ impl CompiledScene {
                 radius: surfaces.radius[i],
             })
             .collect();
-        // As `compile` decides, here and below: faces with attributes are not merged, each is a group.
+        // As `compile` decides, here and below: faces with attributes are not merged, each is a group (lights are
+        // merged here also where it keeps them apart, which changes no hit).
         let materials = scene.materials.len() as u32;
         let groups = (0u32..)
             .zip(&surfaces.material[..first_sphere])

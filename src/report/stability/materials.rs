@@ -560,8 +560,9 @@ pub(super) fn reciprocity(trial: &mut Trial<'_>) -> Result<()> {
     note(label.to_owned(), lobes, 1.0);
     // Glass: what goes in at one angle comes out the other way by the same share. The way back starts
     // from the refracted direction as rounded, off by 2u at most; that moves its far side's cosine by
-    // n²·2u over the smaller of both cosines, and R by 4n times as much at most, or for n near 1 by
-    // 2(n² + 1)/√(n² − 1), its slope at grazing angles.
+    // n²·2u over the smaller of both cosines, to which the way back adds its own rounding, 2u over the
+    // same; and R by 4n times as much at most, or for n near 1 by 2(n² + 1)/√(n² − 1), its slope at
+    // grazing angles.
     let off = |ior: f32, formula: FresnelFormula, cos: f64| {
         let p = glass(ior, formula);
         let there = Dielectric::branches(&p, splat(direction(cos, 1.0)));
@@ -573,7 +574,7 @@ pub(super) fn reciprocity(trial: &mut Trial<'_>) -> Result<()> {
         let n = f64::from(ior.max(1.0 / ior));
         let least = cos.min(first(there.refracted.z).abs());
         let slope = (4.0 * n).max(2.0 * (n * n + 1.0) / (n * n - 1.0).sqrt());
-        difference.abs() * least / (slope * n * n * f64::from(f32::EPSILON))
+        difference.abs() * least / (slope * (n * n + 1.0) * f64::from(f32::EPSILON))
     };
     let draws = 20 * count.div_ceil(64);
     for formula in FORMULAS {
