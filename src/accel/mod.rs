@@ -73,10 +73,12 @@ impl Structure {
 }
 
 /// Up to this many primitives the linear scan is the faster one for all kinds of rays taken together.
-/// Measured with `wavepath accels` and 16 lanes inside icospheres around a sphere light, in millions of rays
-/// per CPU second, scan against [`Bvh8`]: of 80 triangles bounces 29 against 7.6, camera rays 30 against
-/// 32; of 320 triangles bounces 7.7 against 6.0, camera rays 7.8 against 34.
-pub const LINEAR_MOST: usize = 10 * crate::math::LANES;
+/// Measured with `wavepath accels` and 16 lanes, in millions of rays per CPU second, scan against [`Bvh8`], for camera
+/// rays, bounces, shuffled bounces, shadow rays: of the 32 triangles of `scenes/cornell.toml` 62, 51, 54, 63
+/// against 80, 13, 10, 20; of the 156 primitives of `scenes/many-lights.toml` 6.5, 10.5, 10.1, 9.3 against 47, 9.7,
+/// 9.0, 10.4. The scan's time grows with their number, the tree's hardly: a camera ray, a bounce and a shadow ray
+/// together take as long at about 96.
+pub const LINEAR_MOST: usize = 6 * crate::math::LANES;
 
 /// The structure that answers fastest, by the number of primitives.
 pub fn auto(geometry: &Geometry) -> Structure {

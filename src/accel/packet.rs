@@ -209,11 +209,10 @@ impl Group {
                 continue;
             }
             let (mut first, mut last) = (F32s::splat(0.0), self.t[vector]);
-            for axis in 0..3 {
+            for (axis, planes) in planes.into_iter().enumerate() {
                 let origin = self.origin[axis][vector];
                 let reciprocal = self.reciprocal[axis][vector];
-                let [near, far] =
-                    planes[axis].map(|plane| (F32s::splat(plane) - origin) * reciprocal);
+                let [near, far] = planes.map(|plane| (F32s::splat(plane) - origin) * reciprocal);
                 first = near.fast_max(first);
                 last = (far * F32s::splat(FAR_PADDING)).fast_min(last);
             }

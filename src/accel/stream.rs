@@ -644,10 +644,10 @@ impl Flights<'_> {
         let origin = flight.shear.origin();
         let (mut first, mut last) = (f32x8::splat(0.0), f32x8::splat(flight.t));
         // NaN (0·∞) drops out. The roundings are those of `geometry::slab::SlabRay`.
-        for axis in 0..3 {
+        for (axis, origin) in origin.into_iter().enumerate() {
             let near = flight.near[axis];
             let [near, far] = [near, near ^ Node::SIDE].map(|place| {
-                (f32x8::splat(origin[axis]) - node.planes_at(place))
+                (f32x8::splat(origin) - node.planes_at(place))
                     * f32x8::splat(flight.reciprocal[axis])
             });
             first = near.keep_max(first);

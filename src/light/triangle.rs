@@ -252,7 +252,6 @@ impl SphericalTriangle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::LANES;
     use crate::math::testing::Uniform;
 
     /// The first corner and the two edges from it, seen from the origin.
@@ -380,7 +379,7 @@ mod tests {
             let (u, v) = (random.lanes(), random.lanes());
             let polar = view.polar(u, v);
             let directions = view.sample(u, v).to_lanes();
-            for lane in 0..LANES {
+            for (lane, sampled) in directions.into_iter().enumerate() {
                 let at = |n: F32s| f64::from(n.to_array()[lane]);
                 let [x, y, t] = [polar.azimuth[0], polar.azimuth[1], polar.tan_half].map(at);
                 let (spoke, side, u, sign) = if polar.from_c.test(lane) {
@@ -395,9 +394,9 @@ mod tests {
                 let sin = 2.0 * t / (1.0 + t * t);
                 let cos = (1.0 - t) * (1.0 + t) / (1.0 + t * t);
                 let direction = add(unit(a).map(|c| c * cos), across, sin);
-                let off = length(add(direction, directions[lane], -1.0));
+                let off = length(add(direction, sampled, -1.0));
                 assert!(off < tolerance, "{triangle:?}: {off}");
-                assert!((length(directions[lane]) - 1.0).abs() < 1e-6);
+                assert!((length(sampled) - 1.0).abs() < 1e-6);
                 // Where the plane of a and the direction meets the side that begins at the end of the spoke.
                 let plane = cross(a, across);
                 let share = -dot(plane, spoke) / dot(plane, side);
