@@ -3,10 +3,8 @@
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::clock::Span;
+use super::clock::{Span, Step};
 use crate::wave::Rejections;
-
-use super::clock::Step;
 
 /// CPU time of one stage, summed over workers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
