@@ -13,7 +13,7 @@ use wavepath::compile::compile;
 use wavepath::film::read_exr;
 use wavepath::integrator::checkpoint::{Identity, Resume};
 use wavepath::integrator::render_resumable;
-use wavepath::scene::{self, Budget, RenderSettings, SceneDescription};
+use wavepath::scene::{self, Budget, RenderSettings, SamplerKind, SceneDescription};
 
 /// Largest whole number in a scene file with a procedural mesh that is still read: larger ones ask for
 /// meshes of millions of faces, which is legal and slow.
@@ -132,10 +132,19 @@ fn mend(bytes: &[u8], scene: &SceneDescription) -> Option<(Vec<u8>, RenderSettin
         .pointer("/record/position/mean")
         .and_then(Value::as_f64);
     let samples = total.or(mean.map(|mean| (2.0 * mean) as u64));
+    let in_halves = header["halves"] == 2;
+    let is_adaptive = in_halves && header["words"] != 0;
+    let is_replicated = in_halves && !is_adaptive;
     let settings = RenderSettings {
-        budget: samples.map_or(Budget::Error(1e-9), Budget::Samples),
+        sampler: match is_replicated {
+            true => SamplerKind::Sobol,
+            false => SamplerKind::Independent,
+        },
+        budget: samples.map_or(Budget::Error(1e-9), |samples| {
+            Budget::Samples(samples.saturating_mul(1 + u64::from(is_replicated)))
+        }),
         block: blocks["full"].as_u64()?.clamp(1, 64) as u32,
-        adaptive: header["halves"] == 2,
+        adaptive: is_adaptive,
         aux: header["aux"] == true,
         threads: 1,
         ..RenderSettings::default()

@@ -5,7 +5,7 @@
 # strategies and samplers on four of them; the other choices of an estimator; the table of the hexagonal room; and
 # the CPU time to 3 % relative error on hexroom-exact. Writes a folder per comparison, with its summary in summary.txt,
 # to DIRECTORY (default profiling/results/converge). References are rendered once and kept in DIRECTORY/cache.
-# The last comparison takes an hour of CPU time or more, half of it for its reference; LEAVE_OUT_HEXROOM=1 leaves it
+# The last comparison takes half an hour of CPU time, half of it for its reference; LEAVE_OUT_HEXROOM=1 leaves it
 # out. WAVEPATH names another program than the one built here; PARTS, a list of integrators, estimators, choices,
 # table and hexroom, leaves out the other parts; REFERENCE_SECONDS are the CPU seconds of a reference at most, but
 # for the last comparison.
@@ -50,11 +50,11 @@ fi
 if [[ $parts == *" choices "* ]]; then
     for scene in cornell hexroom-exact many-lights materials; do
         converge "choices-$scene" "$scene" --width 48 --height 48 --spp 64 --threads 1 \
-            --config default= --config sobol=sampler=sobol --config roulette-2=roulette_depth=2 \
-            --config roulette-10=roulette_depth=10 --config splits-3=glass_splits=3 \
-            --config lights-2=light_samples=2 --config lights-4=light_samples=4 --config adaptive=adaptive=true \
-            --config wave-1024=wave=1024 --config wave-16384=wave=16384 --config linear=accel=linear \
-            --config bvh8=accel=bvh8 --config sobol-splits-3=sampler=sobol,glass_splits=3 \
+            --config default= --config independent=sampler=independent --config stratified=sampler=stratified \
+            --config roulette-2=roulette_depth=2 --config roulette-10=roulette_depth=10 \
+            --config splits-3=glass_splits=3 --config lights-2=light_samples=2 --config lights-4=light_samples=4 \
+            --config adaptive=adaptive=true --config wave-1024=wave=1024 --config wave-16384=wave=16384 \
+            --config linear=accel=linear --config bvh8=accel=bvh8 \
             --reference-error 0.02 --reference-seconds "$seconds"
     done
 fi
@@ -62,7 +62,7 @@ if [[ $parts == *" table "* ]]; then
     converge table hexroom --table --width 200 --height 200 --repeats 3 --reference-error 0.05 --reference-seconds 600
 fi
 if [[ $parts == *" hexroom "* && -z "${LEAVE_OUT_HEXROOM:-}" ]]; then
-    converge hexroom-time hexroom-exact --width 200 --height 200 --spp 32768 --repeats 3 --threads 1 \
-        --config default= --config sobol=sampler=sobol --config sobol-splits-3=sampler=sobol,glass_splits=3 \
-        --reference-error 0.02 --reference-seconds 2000
+    converge hexroom-time hexroom-exact --width 200 --height 200 --spp 16384 --repeats 3 --threads 1 \
+        --config default= --config independent=sampler=independent \
+        --reference-error 0.015 --reference-seconds 2000
 fi

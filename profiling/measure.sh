@@ -16,7 +16,7 @@ rounds=${1:-7}
 directory=${2:-profiling/results}
 program=target/release/wavepath
 room=scenes/hexroom-exact.toml
-depth=(--max-depth 16 --roulette-depth 5)
+depth=(--max-depth 16 --roulette-depth 5 --sampler independent)
 waves=(64 256 1024 4096 16384 65536)
 
 cargo build --release --quiet

@@ -5,7 +5,7 @@
 //! using Coherent Grid Traversal", 2006, cull with frusta for the same reason). Triangles of a leaf
 //! that no ray of the group can meet are left out in the same way.
 
-use wide::{f32x4, f32x8};
+use wide::{f32x4, f32x8, i8x16};
 
 use super::AccelCounters;
 use super::blocks::{Blocks, LEAF, Leaf, Node};
@@ -165,21 +165,18 @@ impl Group {
         like.then_some(axis as usize)
     }
 
-    /// Whether the directions of these rays are close enough for a group, and their origins in a tree of that size.
+    /// The extent of these rays.
     #[inline(always)]
-    pub(super) fn is_coherent(&self, rays: Rays, size: f32) -> bool {
-        let most = if rays.count_ones() as usize > LANES {
-            GROUP_SPREAD
-        } else {
-            VECTOR_SPREAD
-        };
-        let within = |columns: &[Column; 3], most: f32| {
-            columns.iter().all(|column| {
-                let [low, high] = range(column, rays);
-                high - low <= most
-            })
-        };
-        within(&self.direction, most) && within(&self.origin, ORIGIN_SPREAD * size)
+    pub(super) fn extent(&self, rays: Rays) -> Extent {
+        let [dx, dy, dz] = &self.direction;
+        let [ox, oy, oz] = &self.origin;
+        let [[dx, dy], [dz, ox], [oy, oz]] =
+            [[dx, dy], [dz, ox], [oy, oz]].map(|columns| ranges(columns, rays));
+        Extent {
+            rays,
+            direction: [dx, dy, dz],
+            origin: [ox, oy, oz],
+        }
     }
 
     /// Those of these rays that end beyond `near`.
@@ -282,27 +279,50 @@ impl Group {
     }
 }
 
-/// Smallest and largest number of these rays, of which there must be one.
-#[inline(always)]
-fn range(column: &Column, rays: Rays) -> [f32; 2] {
-    let mut low = F32s::splat(f32::INFINITY);
-    let mut high = F32s::splat(f32::NEG_INFINITY);
-    for (vector, &values) in column.iter().enumerate() {
-        let lanes = lanes_of(rays, vector);
-        low = low.fast_min(lanes.select(values, low));
-        high = high.fast_max(lanes.select(values, high));
-    }
-    [least(low), -least(-high)]
+/// The least and the most of the origins and directions of some rays of a group.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Extent {
+    rays: Rays,
+    direction: [[f32; 2]; 3],
+    origin: [[f32; 2]; 3],
 }
 
-/// The smallest of all lanes.
+impl Extent {
+    /// Whether the directions are close enough for a group, and the origins in a tree of that size.
+    #[inline(always)]
+    pub(super) fn is_coherent(&self, size: f32) -> bool {
+        let most = if self.rays.count_ones() as usize > LANES {
+            GROUP_SPREAD
+        } else {
+            VECTOR_SPREAD
+        };
+        let within =
+            |ranges: &[[f32; 2]; 3], most: f32| ranges.iter().all(|[low, high]| high - low <= most);
+        within(&self.direction, most) && within(&self.origin, ORIGIN_SPREAD * size)
+    }
+}
+
+/// Smallest and largest number of these rays, of which there must be one, in each column.
 #[inline(always)]
-fn least(values: F32s) -> f32 {
-    let quarters = bytemuck::cast::<F32s, [f32x4; LANES / 4]>(values);
-    let least = quarters.into_iter().fold(quarters[0], f32x4::fast_min);
-    let [a, b, c, d] = least.to_array();
-    let less = |a: f32, b: f32| if a < b { a } else { b };
-    less(less(a, b), less(c, d))
+fn ranges(columns: [&Column; 2], rays: Rays) -> [[f32; 2]; 2] {
+    let ends = |column: &Column| {
+        let mut low = F32s::splat(f32::INFINITY);
+        let mut high = F32s::splat(f32::NEG_INFINITY);
+        for (vector, &values) in column.iter().enumerate() {
+            let lanes = lanes_of(rays, vector);
+            low = low.fast_min(lanes.select(values, low));
+            high = high.fast_max(lanes.select(values, high));
+        }
+        [low, -high].map(|values| {
+            let quarters = bytemuck::cast::<F32s, [f32x4; LANES / 4]>(values);
+            quarters.into_iter().fold(quarters[0], f32x4::fast_min)
+        })
+    };
+    let ([a, b], [c, d]) = (ends(columns[0]), ends(columns[1]));
+    // A lane for each of the four.
+    let [a, b, c, d] = f32x4::transpose([a, b, c, d]);
+    let [a, b, c, d] = a.fast_min(b).fast_min(c.fast_min(d)).to_array();
+    [[a, -b], [c, -d]]
 }
 
 /// Subtrees left to a ray, in the order in which the group came to them.
@@ -310,14 +330,12 @@ fn least(values: F32s) -> f32 {
 pub(super) struct Pending {
     pub(super) t: [f32; MOST_PENDING],
     pub(super) reference: [u32; MOST_PENDING],
-    pub(super) len: usize,
 }
 
 impl Pending {
     const NONE: Self = Self {
         t: [0.0; MOST_PENDING],
         reference: [0; MOST_PENDING],
-        len: 0,
     };
 }
 
@@ -336,6 +354,8 @@ pub(super) struct Scratch {
     aside: Vec<Aside>,
     /// Per ray.
     pub(super) pending: [Pending; GROUP],
+    /// How many each has: one cache line for all.
+    pub(super) counts: [u8; GROUP],
 }
 
 impl Default for Scratch {
@@ -343,11 +363,24 @@ impl Default for Scratch {
         Self {
             aside: Vec::new(),
             pending: [Pending::NONE; GROUP],
+            counts: [0; GROUP],
         }
     }
 }
 
 impl Scratch {
+    /// Rays to which no subtree is left.
+    #[inline(always)]
+    pub(super) fn without_pending(&self) -> Rays {
+        let counts: [i8x16; GROUP / 16] = bytemuck::cast(self.counts);
+        let mut without = 0;
+        for (part, counts) in counts.into_iter().enumerate() {
+            let none = counts.simd_eq(i8x16::splat(0)).to_bitmask();
+            without |= Rays::from(none) << (16 * part);
+        }
+        without
+    }
+
     /// Makes room for trees that need `bound` entries.
     pub(super) fn reserve(&mut self, bound: usize) {
         let none = Aside {
@@ -379,10 +412,11 @@ struct Bundle {
 
 impl Bundle {
     #[inline(always)]
-    fn new(group: &Group, sides: Sides, axis: usize, rays: Rays) -> Self {
+    fn new(group: &Group, sides: Sides, axis: usize, extent: &Extent) -> Self {
         let axes = [(axis + 1) % 3, (axis + 2) % 3, axis];
-        let origin = group.origin.each_ref().map(|column| range(column, rays));
-        let shear = [0, 1].map(|k| range(&group.shear[k], rays));
+        let Extent { rays, origin, .. } = *extent;
+        let [u, v, _] = &group.shear;
+        let shear = ranges([u, v], rays);
         let mut bundle = Self {
             sides,
             origin: [0, 1, 2].map(|axis| {
@@ -393,10 +427,8 @@ impl Bundle {
                     [least, most]
                 }
             }),
-            reciprocal: group
-                .reciprocal
-                .each_ref()
-                .map(|column| range(column, rays)),
+            // Directions have one sign, so that the rounded quotients fall as they rise.
+            reciprocal: extent.direction.map(|[low, high]| [1.0 / high, 1.0 / low]),
             end: 0.0,
             axes,
             cone: Cone::new(axes.map(|axis| origin[axis]), shear),
@@ -408,7 +440,7 @@ impl Bundle {
     /// Takes the rays' ends into account.
     #[inline(always)]
     fn limit(&mut self, group: &Group, rays: Rays) {
-        [_, self.end] = range(&group.t, rays);
+        [[_, self.end], _] = ranges([&group.t; 2], rays);
     }
 
     /// Children that some ray may enter, with a distance before which none does, and children that all
@@ -496,7 +528,7 @@ impl Cone {
     }
 }
 
-/// Traces these rays, whose directions are of `octant` and largest along `axis`, through the tree; what
+/// Traces the rays of `extent`, whose directions are of `octant` and largest along `axis`, through the tree; what
 /// is left to each alone is in `scratch.pending`.
 #[inline(always)]
 pub(super) fn descend<const SPHERES: bool, Q: Query>(
@@ -504,15 +536,18 @@ pub(super) fn descend<const SPHERES: bool, Q: Query>(
     group: &mut Group,
     octant: usize,
     axis: usize,
-    rays: Rays,
+    extent: &Extent,
     scratch: &mut Scratch,
     counters: &mut AccelCounters,
 ) {
     group.shear([(axis + 1) % 3, (axis + 2) % 3, axis]);
     let sides = Sides::of(octant);
-    let mut bundle = Bundle::new(group, sides, axis, rays);
-    for ray in each(rays) {
-        scratch.pending[ray].len = 0;
+    let rays = extent.rays;
+    let mut bundle = Bundle::new(group, sides, axis, extent);
+    for (vector, counts) in scratch.counts.chunks_exact_mut(LANES).enumerate() {
+        if lanes_of(rays, vector).any() {
+            counts.fill(0);
+        }
     }
     let mut most_pending = 0;
     let few = rays.count_ones() * FEW / GROUP as u32;
@@ -533,10 +568,11 @@ pub(super) fn descend<const SPHERES: bool, Q: Query>(
         if count <= few && most_pending < MOST_PENDING {
             for ray in each(active) {
                 let pending = &mut scratch.pending[ray];
-                pending.t[pending.len] = at.near;
-                pending.reference[pending.len] = at.reference;
-                pending.len += 1;
-                most_pending = most_pending.max(pending.len);
+                let count = usize::from(scratch.counts[ray]);
+                pending.t[count] = at.near;
+                pending.reference[count] = at.reference;
+                scratch.counts[ray] = count as u8 + 1;
+                most_pending = most_pending.max(count + 1);
             }
         } else if at.reference & LEAF == 0 {
             counters.nodes += u64::from(count);
@@ -616,7 +652,7 @@ mod tests {
         for round in 0..20_000 {
             let spread = [0.0, 1e-6, 1e-3, 0.1][round % 4];
             let group = group(&mut rng, spread);
-            let bundle = Bundle::new(&group, Sides::of(0), 2, rays_of(0));
+            let bundle = Bundle::new(&group, Sides::of(0), 2, &group.extent(rays_of(0)));
             let ray = round % LANES;
             let [origin, direction] = [&group.origin, &group.direction]
                 .map(|columns| columns.each_ref().map(|column| group.at(column, ray)));

@@ -513,11 +513,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
             }
         }
         let Scratch { group, packet, .. } = &*self.scratch;
-        for ray in each(self.descended) {
-            if packet.pending[ray].len == 0 {
-                self.alone &= !(1 << ray);
-            }
-        }
+        self.alone &= !(self.descended & packet.without_pending());
         for vector in 0..GROUP / LANES {
             let lanes = lanes_of(all & !self.alone, vector);
             let (ray, t, primitive) = (group.ray[vector], group.t[vector], group.primitive[vector]);
@@ -558,7 +554,8 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         let Some(axis) = group.common_axis(rays) else {
             return false;
         };
-        let together = group.is_coherent(rays, self.tree.size)
+        let extent = group.extent(rays);
+        let together = extent.is_coherent(self.tree.size)
             || self.packets == Packets::Always && rays.count_ones() as usize <= LANES;
         if together {
             packet::descend::<SPHERES, Q>(
@@ -566,7 +563,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
                 group,
                 self.octant,
                 axis,
-                rays,
+                &extent,
                 &mut self.scratch.packet,
                 self.counters,
             );
@@ -594,7 +591,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
             let current = if self.descended >> place & 1 != 0 {
                 // The last that the group came to is the first to be put aside.
                 let pending = &scratch.packet.pending[place];
-                for at in (0..pending.len).rev() {
+                for at in (0..usize::from(scratch.packet.counts[place])).rev() {
                     scratch.stack_t[top] = pending.t[at];
                     scratch.stack[top] = pending.reference[at];
                     top += usize::from(pending.t[at] <= flight.t * FAR_PADDING);

@@ -101,7 +101,7 @@ pub fn write_checkpoint<R: Serialize>(
             width: film.width,
             height: film.height,
             aux: film.has_aux(),
-            halves: film.halves() as u64,
+            halves: film.parts().count() as u64,
             words: words.len() as u64,
             record,
         };
@@ -397,6 +397,7 @@ impl<T: Read> Read for Summed<T> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Parts;
     use super::*;
 
     /// The record of these tests.
@@ -404,11 +405,8 @@ mod tests {
 
     /// A film with something different in every number.
     fn film(halves: usize, aux: bool) -> Film {
-        let mut film = if halves == 2 {
-            Film::halved(3, 2, aux)
-        } else {
-            Film::new(3, 2, aux)
-        };
+        let parts = [Parts::Whole, Parts::Halves][halves - 1];
+        let mut film = Film::in_parts(3, 2, aux, parts);
         for pixel in 0..film.len() {
             for half in 0..halves {
                 let half_film = film.half_mut(half);

@@ -1,6 +1,6 @@
 //! How far the image is from its expectation, from the image alone.
 
-use super::{Film, RELATIVE_EPSILON, neighbourhood, relative_variance};
+use super::{Film, Parts, RELATIVE_EPSILON, neighbourhood, relative_variance};
 
 /// The 97.5 % quantile of the normal distribution.
 const QUANTILE: f64 = 1.959_964;
@@ -38,7 +38,10 @@ impl Film {
     /// favourable case). For normal ones the unbiased estimate of E(q)² is q² over 1 + 2/n, for others with
     /// heavier tails that is too large, and the interval wide. The interval is that of a log-normal ratio with this
     /// relative variance; as the denominators are not certain either, its ends are those of the wider one of two, with
-    /// the neighbours' help and with each pixel's own mean alone. Sequences that are spread more evenly than independent blocks may be below it.
+    /// the neighbours' help and with each pixel's own mean alone. Of two replicates n is 1, and as the
+    /// points of one are spread evenly their means may have lighter tails than normal ones: E(q²) is at least
+    /// 2·E(q)², which two equally likely values have. Halves whose blocks are spread more evenly than
+    /// independent ones may be below the interval.
     pub fn error_estimate(&self) -> Option<ErrorEstimate> {
         if self.is_empty() {
             return None;
@@ -47,8 +50,13 @@ impl Film {
         let mut terms = [Terms::default(); 2];
         neighbourhood::visit(self, |pixel, variance, means| {
             let freedom = self.degrees_of_freedom(pixel) as f64;
+            let squares = match self.parts() {
+                Parts::Replicates => 2.0,
+                Parts::Whole | Parts::Halves => 1.0 + 2.0 / freedom,
+            };
             for (terms, mean) in terms.iter_mut().zip(means) {
-                terms.add(relative_variance(mean, variance, epsilon), freedom);
+                let term = relative_variance(mean, variance, epsilon);
+                terms.add(term, 2.0 * (1.0 + 1.0 / freedom) / squares);
             }
         })?;
         let [(_, own), (estimate, supported)] = terms.map(|terms| terms.estimate(self.len()));
@@ -69,11 +77,11 @@ struct Terms {
 }
 
 impl Terms {
-    /// Adds a pixel whose channels have the sum `term`, with so many degrees of freedom.
-    fn add(&mut self, term: f64, freedom: f64) {
+    /// Adds a pixel whose channels have the sum `term`, which is off by a variance of `spread` times its square.
+    fn add(&mut self, term: f64, spread: f64) {
         self.sum += term;
         if term > 0.0 {
-            self.spread += 2.0 * (1.0 + 1.0 / freedom) / (1.0 + 2.0 / freedom) * term * term;
+            self.spread += spread * term * term;
         }
     }
 

@@ -1,7 +1,8 @@
 //! The film: what a render accumulates per pixel, its error estimate, and the images made from it.
 //!
 //! Samples arrive in blocks. A block contributes the sum of its samples' radiance; the spread of the
-//! block means is the only source of the error estimate, so it holds for stratified samples too.
+//! block means is the source of the error estimate, so it holds for stratified samples too. Where blocks are not
+//! independent either, it is the difference of two halves that are.
 
 pub mod checkpoint;
 pub mod compare;
@@ -115,6 +116,30 @@ impl AuxMeans {
     }
 }
 
+/// How many parts a film has, and what tells its error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Parts {
+    /// One; the spread of its blocks tells the error.
+    Whole,
+    /// Two halves that count the same whatever number of samples each has at a pixel: means are the mean of
+    /// both halves' means. So the number of samples in one half may depend on what the other has seen, and
+    /// the image is still unbiased. The spread of the blocks of each tells the error.
+    Halves,
+    /// Two halves as above, whose samples are independent of each other while the blocks of a half are
+    /// not: how far they are apart tells the error.
+    Replicates,
+}
+
+impl Parts {
+    /// How many there are.
+    pub fn count(self) -> usize {
+        match self {
+            Self::Whole => 1,
+            Self::Halves | Self::Replicates => 2,
+        }
+    }
+}
+
 /// Per-pixel sums in f64. Pixel index is `y·width + x`, row 0 on top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Film {
@@ -124,6 +149,8 @@ pub struct Film {
     aux: Vec<AuxSums>,
     /// Of a film in two halves, the second.
     second: Option<Box<Film>>,
+    /// Whether the difference of the halves tells the error.
+    replicated: bool,
 }
 
 impl Film {
@@ -137,22 +164,35 @@ impl Film {
             pixels: vec![PixelSums::default(); count],
             aux: vec![AuxSums::default(); if aux { count } else { 0 }],
             second: None,
+            replicated: false,
         }
     }
 
-    /// As [`Self::new`], in two halves that count the same whatever number of samples each has at a pixel:
-    /// means are the mean of both halves' means. So the number of samples in one half may depend on what
-    /// the other has seen, and the image is still unbiased.
-    pub fn halved(width: u32, height: u32, aux: bool) -> Self {
+    /// As [`Self::new`], in parts.
+    pub fn in_parts(width: u32, height: u32, aux: bool, parts: Parts) -> Self {
+        let part = || Self::new(width, height, aux);
         Self {
-            second: Some(Box::new(Self::new(width, height, aux))),
-            ..Self::new(width, height, aux)
+            second: (parts.count() == 2).then(|| Box::new(part())),
+            replicated: parts == Parts::Replicates,
+            ..part()
         }
     }
 
-    /// Number of halves: 1 where the film is whole, else 2.
-    pub fn halves(&self) -> usize {
-        1 + usize::from(self.second.is_some())
+    /// The same sums, of two halves whose spread or whose difference tells the error, as `parts` says.
+    pub(crate) fn told_by(self, parts: Parts) -> Self {
+        Self {
+            replicated: parts == Parts::Replicates,
+            ..self
+        }
+    }
+
+    /// The parts it is in.
+    pub fn parts(&self) -> Parts {
+        match (&self.second, self.replicated) {
+            (None, _) => Parts::Whole,
+            (Some(_), false) => Parts::Halves,
+            (Some(_), true) => Parts::Replicates,
+        }
     }
 
     /// Half 0, or half 1 of a film that has one, to add samples to. What is added to the whole film is
@@ -173,7 +213,7 @@ impl Film {
     }
 
     /// Sums of the halves at a pixel that have samples there; both if none has.
-    fn parts(&self, pixel: usize) -> [Option<&PixelSums>; 2] {
+    fn sums(&self, pixel: usize) -> [Option<&PixelSums>; 2] {
         let first = &self.pixels[pixel];
         match self.second.as_ref().map(|second| &second.pixels[pixel]) {
             None => [Some(first), None],
@@ -251,7 +291,7 @@ impl Film {
 
     /// Samples at a pixel.
     pub fn samples(&self, pixel: usize) -> u64 {
-        let halves = self.parts(pixel).into_iter().flatten();
+        let halves = self.sums(pixel).into_iter().flatten();
         halves.map(|sums| sums.samples).sum()
     }
 
@@ -262,7 +302,7 @@ impl Film {
 
     /// Blocks at a pixel.
     pub fn blocks(&self, pixel: usize) -> u64 {
-        let halves = self.parts(pixel).into_iter().flatten();
+        let halves = self.sums(pixel).into_iter().flatten();
         halves.map(|sums| sums.blocks).sum()
     }
 
@@ -281,16 +321,20 @@ impl Film {
         self.all_samples().max().unwrap_or(0)
     }
 
-    /// Blocks of a pixel beyond the first of each half.
-    fn degrees_of_freedom(&self, pixel: usize) -> u64 {
-        let halves = self.parts(pixel).into_iter().flatten();
+    /// Degrees of freedom of [`Self::variance`]: blocks of a pixel beyond the first of each half, 1 for
+    /// [`Parts::Replicates`].
+    pub fn degrees_of_freedom(&self, pixel: usize) -> u64 {
+        if self.replicated {
+            return 1;
+        }
+        let halves = self.sums(pixel).into_iter().flatten();
         halves.map(|sums| sums.blocks.saturating_sub(1)).sum()
     }
 
     /// Mean radiance of a pixel, linear RGB, W·sr⁻¹·m⁻²; zero where there is no sample.
     #[inline]
     pub fn mean(&self, pixel: usize) -> [f64; 3] {
-        match self.parts(pixel) {
+        match self.sums(pixel) {
             [Some(first), Some(second)] => {
                 let [a, b] = [first.mean(), second.mean()];
                 std::array::from_fn(|channel| 0.5 * (a[channel] + b[channel]))
@@ -302,10 +346,18 @@ impl Film {
     /// Variance of a pixel's mean, estimated from the B block sums S_b of n_b samples each as
     /// ((Σ S_b²/n_b) − (ΣS_b)²/N) / (B − 1) / N, N = Σ n_b: the unbiased estimate for independent
     /// blocks, whatever the samples within a block have to do with each other. Of two halves, a quarter of
-    /// the sum of both. `None` below 2 blocks in a half.
+    /// the sum of both; `None` below 2 blocks in a half. Of two replicates a quarter of the square of
+    /// their difference, `None` below a block in each.
     #[inline]
     pub fn variance(&self, pixel: usize) -> Option<[f64; 3]> {
-        match self.parts(pixel) {
+        match self.sums(pixel) {
+            [Some(first), Some(second)] if self.replicated => {
+                let [a, b] = [first.mean(), second.mean()];
+                Some(std::array::from_fn(|channel| {
+                    0.25 * (a[channel] - b[channel]).powi(2)
+                }))
+            }
+            _ if self.replicated => None,
             [Some(first), Some(second)] => {
                 let [a, b] = [first.variance()?, second.variance()?];
                 Some(std::array::from_fn(|channel| {
@@ -484,8 +536,8 @@ mod tests {
 
     #[test]
     fn halves_count_the_same_however_many_samples_they_have() {
-        let mut film = Film::halved(2, 1, true);
-        assert_eq!(film.halves(), 2);
+        let mut film = Film::in_parts(2, 1, true, Parts::Halves);
+        assert_eq!(film.parts(), Parts::Halves);
         for (half, samples, value) in [(0, 1, 4.0), (0, 1, 6.0), (1, 4, 1.0), (1, 4, 3.0)] {
             let sum = f64::from(samples) * value;
             film.half_mut(half).add_block(0, samples, [sum; 3]);
@@ -501,6 +553,34 @@ mod tests {
         film.half_mut(1).add_block(1, 2, [6.0; 3]);
         assert_eq!((film.mean(1), film.variance(1)), ([3.0; 3], None));
         assert_eq!((film.min_samples(), film.max_samples()), (2, 10));
+    }
+
+    #[test]
+    fn replicates_tell_their_error_by_how_far_they_are_apart() {
+        let mut film = Film::in_parts(2, 1, false, Parts::Replicates);
+        film.half_mut(0).add_block(0, 4, [4.0, 8.0, 0.0]);
+        assert_eq!(film.variance(0), None);
+        // However many blocks there are, and however far they are apart.
+        film.half_mut(1).add_block(0, 1, [9.0, 0.0, 1.0]);
+        film.half_mut(1).add_block(0, 1, [1.0, 0.0, 1.0]);
+        assert_eq!(film.mean(0), [3.0, 1.0, 0.5]);
+        assert_eq!(film.variance(0), Some([4.0, 1.0, 0.25]));
+        assert_eq!((film.samples(0), film.degrees_of_freedom(0)), (6, 1));
+        // Independent uniform numbers: the variance of the mean of six is 1/72.
+        let mut random = Uniform(3);
+        let films = 20_000;
+        let mut film = Film::in_parts(films, 1, false, Parts::Replicates);
+        let mut sum = 0.0;
+        for pixel in 0..films as usize {
+            for half in 0..2 {
+                let samples: f64 = (0..3).map(|_| random.next()).sum();
+                film.half_mut(half).add_block(pixel, 3, [samples; 3]);
+            }
+            sum += film.variance(pixel).unwrap()[0];
+        }
+        // One degree of freedom: its standard deviation is √2 of it, and less for uniform numbers.
+        let off = sum / f64::from(films) * 72.0 - 1.0;
+        assert!(off.abs() < 4.0 * (2.0 / f64::from(films)).sqrt(), "{off}");
     }
 
     #[test]

@@ -10,6 +10,9 @@ use crate::math::vec3::Vec3s;
 pub struct SurfacePoint {
     /// The point.
     pub p: Vec3s,
+    /// Where on the surface rays that leave it start: the point, or one as near to it as its error that is not at
+    /// an edge.
+    pub start: Vec3s,
     /// Bound of the absolute error per component, ≥ 0.
     pub error: Vec3s,
 }
@@ -51,11 +54,20 @@ impl RayFrame {
     }
 }
 
+/// How far inside of its triangle a ray starts, in error bounds, and as a share of the triangle's least height at
+/// most.
+const INSET: f32 = 8.0;
+const MOST_INSET: f32 = 1.0 / 16_384.0;
+
 /// The point of each lane's triangle (given by its corners) on each lane's ray, by barycentric
 /// coordinates; the ray is known to hit. The error bound is γ(7)·Σ|bᵢ·pᵢ|, off the plane of the triangle.
 ///
-/// The coordinates are not clamped: where the ray meets the plane outside of the triangle, so is the point.
-/// Where the triangle is seen exactly from its edge, the answer is its centroid.
+/// The triangle may stand for a polygon that it is part of: where the ray meets the plane outside of the
+/// triangle, so is the point. Where the triangle is seen exactly from its edge, the answer is its centroid.
+///
+/// Rays that leave a point nearer to an edge than [`INSET`] error bounds start as far inwards: they
+/// would else begin beyond a wall that meets this one in the edge, if the angle between them is small or rounding
+/// is unfavourable.
 #[inline(always)]
 pub fn triangle_point(origin: Vec3s, direction: Vec3s, corners: [Vec3s; 3]) -> SurfacePoint {
     triangle_hit(origin, direction, corners).0
@@ -81,11 +93,41 @@ pub fn triangle_hit(
 
     let [a, b, c] = [0, 1, 2].map(|corner| corners[corner] * weights[corner]);
     let sum = a.abs() + b.abs() + c.abs();
-    let point = SurfacePoint {
-        p: a + b + c,
-        error: sum * F32s::splat(gamma(7)),
-    };
-    (point, weights)
+    let p = a + b + c;
+    let error = sum * F32s::splat(gamma(7));
+    let start = start(p, error, corners, weights);
+    (SurfacePoint { p, start, error }, weights)
+}
+
+/// Where rays that leave the point with these barycentric coordinates start.
+#[inline(always)]
+fn start(p: Vec3s, error: Vec3s, corners: [Vec3s; 3], weights: [F32s; 3]) -> Vec3s {
+    let least = least_weight(corners, error);
+    let [u, v, w] = weights.map(|weight| weight.abs());
+    let at_edge = u.fast_min(v).fast_min(w).lt(least);
+    if at_edge.none() {
+        return p;
+    }
+    let [u, v, w] = weights.map(|weight| weight.abs().lt(least).select(least, weight));
+    let scale = F32s::splat(1.0) / (u + v + w);
+    let [a, b, c] = corners;
+    let inner = a * (u * scale) + b * (v * scale) + c * (w * scale);
+    Vec3s::select(at_edge, inner, p)
+}
+
+/// The least barycentric coordinate of a point that is [`INSET`] error bounds away from the longest edge, and
+/// so at least as far from the others.
+#[inline(always)]
+fn least_weight([a, b, c]: [Vec3s; 3], error: Vec3s) -> F32s {
+    let [ab, ac, bc] = [b - a, c - a, c - b];
+    let area = ab.cross(ac);
+    let longest = ab.dot(ab).max(ac.dot(ac)).max(bc.dot(bc));
+    // The least height: twice the area over the longest edge.
+    let inset = F32s::splat(INSET) * (error.x + error.y + error.z);
+    let share = inset * (longest / area.dot(area)).sqrt();
+    // Also where the area is zero or has underflown, which makes the share infinite or no number.
+    let most = F32s::splat(MOST_INSET);
+    share.lt(most).select(share, most)
 }
 
 /// The point at distance `t` of each lane's ray, drawn onto each lane's sphere: p = c + r·(o + t·d − c)/|…|.
@@ -105,6 +147,7 @@ pub fn sphere_point(
     let p = center + arm;
     SurfacePoint {
         p,
+        start: p,
         error: arm.abs() * F32s::splat(gamma(6)) + p.abs() * F32s::splat(gamma(1)),
     }
 }
@@ -116,7 +159,7 @@ pub fn spawn_origin(point: &SurfacePoint, normal: Vec3s, direction: Vec3s) -> Ve
     let distance = normal.abs().dot(point.error);
     let outward = direction.dot(normal).ge(F32s::splat(0.0));
     let offset = normal * outward.select(distance, -distance);
-    let p = point.p + offset;
+    let p = point.start + offset;
     Vec3s::new(
         next_outward(p.x, offset.x),
         next_outward(p.y, offset.y),
@@ -138,7 +181,7 @@ pub fn biased_origin(p: Vec3s, normal: Vec3s, direction: Vec3s, bias: f32) -> Ve
 mod tests {
     use super::*;
     use crate::geometry::testing::{Rng, column, lane};
-    use crate::math::LANES;
+    use crate::math::{Frame, LANES};
 
     fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
         (0..3).map(|k| a[k] * b[k]).sum()
@@ -248,6 +291,50 @@ mod tests {
     }
 
     #[test]
+    fn rays_that_leave_a_wall_begin_before_the_wall_that_it_meets() {
+        let mut rng = Rng(9);
+        let (mut inside, mut count) = (0, 0);
+        for scale in [1e-6f32, 1.0, 1e7] {
+            for degrees in [20.0f32, 45.0, 90.0, 135.0] {
+                for _ in 0..20_000 / LANES {
+                    // Two walls with an edge ab, the second at this angle to the first: it faces what is between.
+                    let (sin, cos) = degrees.to_radians().sin_cos();
+                    let turn = Frame::from_normal(Vec3s::splat(rng.sphere()).normalize());
+                    let place = |p: [f32; 3]| turn.to_world(Vec3s::splat(p.map(|x| x * scale)));
+                    let (along, ahead) = (2.0 * rng.uniform() - 1.0, rng.uniform());
+                    let [a, b, c] =
+                        [[-1.5, -0.7, 0.3], [1.5, -0.7, 0.3], [along, 1.0, 0.3]].map(place);
+                    let other = place([ahead, -0.7 + cos, 0.3 + sin]);
+                    // Towards the edge, from between the walls.
+                    let half = 0.5 * degrees.to_radians();
+                    let from = |x: f32| [x, -0.7 + half.cos(), 0.3 + half.sin()];
+                    let at: [f32; LANES] = std::array::from_fn(|_| 2.8 * rng.uniform() - 1.4);
+                    let origin = place(from(0.2));
+                    let onto = turn.to_world(Vec3s::new(
+                        F32s::from(at.map(|x| x * scale)),
+                        F32s::splat(-0.7 * scale),
+                        F32s::splat(0.3 * scale),
+                    ));
+                    let direction = (onto - origin).normalize();
+                    let point = triangle_point(origin, direction, [a, b, c]);
+                    let normal = turn.to_world(Vec3s::splat([0.0, 0.0, 1.0]));
+                    let spawned = spawn_origin(&point, normal, -direction);
+                    for i in 0..LANES {
+                        let [a, b, other, origin, p] = [a, b, other, origin, spawned]
+                            .map(|v| glam::DVec3::from(lane(v, i).map(f64::from)));
+                        // Which side of the wall through a, b and the other.
+                        let normal = (other - a).cross(b - a);
+                        let [between, side] = [origin, p].map(|p| normal.dot(p - a));
+                        inside += usize::from(between * side > 0.0);
+                        count += 1;
+                    }
+                }
+            }
+        }
+        assert_eq!(inside, count);
+    }
+
+    #[test]
     fn a_triangle_seen_from_its_edge_gives_a_point_on_it() {
         let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(Vec3s::splat);
         let point = triangle_point(
@@ -304,6 +391,7 @@ mod tests {
             let error = [(); LANES].map(|()| rng.sphere().map(|x| x.abs() * 1e-4));
             let point = SurfacePoint {
                 p: column(&points),
+                start: column(&points),
                 error: column(&error),
             };
             let spawned = spawn_origin(&point, column(&normals), column(&directions));

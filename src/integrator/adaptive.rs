@@ -3,7 +3,7 @@
 //! # Without bias
 //!
 //! The film has two halves, which use unrelated random numbers and whose means count the same (see
-//! [`Film::halved`]). Each half has a floor, a number of blocks that every tile gets. Once all tiles have
+//! [`Parts::Halves`](crate::film::Parts::Halves)). Each half has a floor, a number of blocks that every tile gets. Once all tiles have
 //! it, the estimates from the floor of one half decide how many blocks each tile gets in the *other* one.
 //! So the number of samples of a tile in half A is a function of half B's random numbers alone: given
 //! half B, it is a constant, and the mean of half A is unbiased, as is its variance. That takes three
@@ -385,7 +385,7 @@ mod tests {
     use rand_pcg::Pcg32;
 
     use super::*;
-    use crate::film::Film;
+    use crate::film::{Film, Parts};
 
     #[test]
     fn samples_are_given_out_in_proportion_to_the_root_of_the_variance() {
@@ -427,7 +427,7 @@ mod tests {
     /// tile, 1 with 1/2 in the first. The expectations are 2 and 1/2.
     fn render(schedule: &mut Adaptive, rounds: usize, seed: u64) -> Film {
         let mut random = Pcg32::new(seed, 1);
-        let mut film = Film::halved(WIDTH, 1, false);
+        let mut film = Film::in_parts(WIDTH, 1, false, Parts::Halves);
         for _ in 0..rounds {
             let items = schedule.round();
             for item in &items {

@@ -17,7 +17,7 @@ use serde_json::Value;
 
 use super::Session;
 use super::clock::Step;
-use super::schedule::{MOST_BLOCKS, Position, Schedule, Tiles};
+use super::schedule::{self, MOST_BLOCKS, Position, Schedule, Tiles};
 use super::stats::RenderStats;
 use crate::error::{Error, Result};
 use crate::film::{self, Film};
@@ -223,9 +223,10 @@ impl Resume {
             )));
         }
         let (width, height) = (scene.film.width, scene.film.height);
-        let kind = (film.width(), film.height(), film.has_aux(), film.halves());
-        let halves = 1 + usize::from(settings.adaptive);
-        if kind != (width, height, settings.aux, halves) || !record.is_sound(&film) {
+        let parts = schedule::parts(settings);
+        let film = film.told_by(parts);
+        let kind = (film.width(), film.height(), film.has_aux(), film.parts());
+        if kind != (width, height, settings.aux, parts) || !record.is_sound(&film) {
             return Err(refuse("is damaged: its counts are not those of its film"));
         }
         let mut schedule = Schedule::new(settings, Tiles::new(width, height))?;

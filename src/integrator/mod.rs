@@ -31,15 +31,16 @@ use crate::wave::{COUNTED_DEPTHS, Wave};
 use adaptive::Adaptive;
 use checkpoint::{Earlier, Past, Resume, Saver, Saving};
 use clock::{Span, StageClock, Step, Stopwatch, thread_cpu_seconds};
-use schedule::{Schedule, Tiles};
+use schedule::{Schedule, Tiles, samples_of_part};
 use stats::{DepthStats, EndReason, Progress, RenderStats, StageStats};
 use wavefront::Passes;
 
-/// Blocks that an error goal needs before it is believed.
-const BLOCKS_BEFORE_ERROR: u64 = 5;
-/// An estimate takes as long as half a sample of every pixel, so the error is estimated when there are a
-/// sixteenth more samples than the last time if it is a goal, half as many more if it is only told.
-const LOOKS: u64 = 16;
+/// Mean samples per pixel that an error goal needs before it is believed.
+const SAMPLES_BEFORE_ERROR: u64 = 16;
+/// An estimate takes as long as half a sample of every pixel, and the more often one looks the sooner one
+/// meets one that is too small. So the error is estimated when there are a quarter more samples than the last
+/// time if it is a goal, half as many more if it is only told.
+const LOOKS: u64 = 4;
 const LOOKS_WITHOUT_GOAL: u64 = 2;
 /// Wall seconds between calls of the observer.
 const OBSERVER_INTERVAL: f64 = 0.05;
@@ -136,8 +137,8 @@ pub fn render_resumable(
         if let Budget::Error(goal) = settings.budget
             && estimated_at == session.paths
         {
-            let known = session.error.filter(|_| rounds >= BLOCKS_BEFORE_ERROR);
-            if known.is_some_and(|error| error <= goal) {
+            let known = session.paths >= SAMPLES_BEFORE_ERROR * pixels;
+            if known && session.error.is_some_and(|error| error <= goal) {
                 break EndReason::Error;
             }
         }
@@ -253,16 +254,13 @@ impl<'a> Session<'a> {
         let film = match film {
             Some(film) => {
                 assert_eq!((film.width(), film.height()), (width, height));
-                assert_eq!(film.halves() == 2, settings.adaptive);
+                assert_eq!(film.parts(), schedule::parts(settings));
                 film
             }
-            None if settings.adaptive => {
-                check_memory(width, height, settings.aux, 2)?;
-                Film::halved(width, height, settings.aux)
-            }
             None => {
-                check_memory(width, height, settings.aux, 1)?;
-                Film::new(width, height, settings.aux)
+                let parts = schedule::parts(settings);
+                check_memory(width, height, settings.aux, parts.count() as u64)?;
+                Film::in_parts(width, height, settings.aux, parts)
             }
         };
         let reference = match settings.integrator {
@@ -307,7 +305,18 @@ impl<'a> Session<'a> {
             self.adaptive = Some(adaptive);
             return flow;
         }
-        let items = self.tiles.items(self.blocks, (self.samples, samples));
+        let parts = schedule::parts(&self.settings).count();
+        let items = |part| {
+            let until = |total| samples_of_part(total, part, parts);
+            let (first, end) = (
+                until(self.samples),
+                until(self.samples + u64::from(samples)),
+            );
+            let range = (first, (end - first) as u32);
+            let items = (range.1 > 0).then(|| self.tiles.items(self.blocks, range, part));
+            items.unwrap_or_default()
+        };
+        let items: Vec<WorkItem> = (0..parts).flat_map(items).collect();
         let (_, flow) = self.trace(&items, None, observer);
         self.blocks += 1;
         self.samples += u64::from(samples);
@@ -603,7 +612,7 @@ impl Worker {
                 let reference = reference.expect("made with the session");
                 for pixel in 0..item.pixels() {
                     let index = item.image_index(pixel);
-                    let (x, y) = (item.x + pixel % item.width, item.y + pixel / item.width);
+                    let (x, y) = item.position(pixel);
                     let samples = item.first_sample..item.first_sample + u64::from(item.samples);
                     let sum: DVec3 = samples
                         .map(|s| clamp.limit(reference.sample(x, y, s, counts)))

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::adaptive::Adaptive;
 use crate::compile::{TILE, WorkItem};
 use crate::error::Result;
-use crate::film::Film;
-use crate::scene::{Budget, RenderSettings};
+use crate::film::{Film, Parts};
+use crate::scene::{Budget, IntegratorKind, RenderSettings, SamplerKind};
 
 /// The blocks of a render: block b is the same for every budget of its kind, however it ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,6 +39,15 @@ impl Blocks {
                 growing: true,
                 total: None,
             },
+        }
+    }
+
+    /// The blocks of one of the parts of a film that these samples are dealt out to in turn.
+    fn of_part(self, part: usize, parts: usize) -> Self {
+        let deal = |total| samples_of_part(total, part, parts);
+        Self {
+            total: self.total.map(deal),
+            ..self
         }
     }
 
@@ -99,8 +108,7 @@ impl Blocks {
 
     /// Whether a longer render has more samples in block `block` than this one.
     fn is_short(&self, block: u64) -> bool {
-        self.get(block)
-            .is_some_and(|(_, samples)| samples < self.whole(block).1)
+        self.get(block) != Some(self.whole(block))
     }
 
     /// As [`Self::get`], of a render without end.
@@ -152,6 +160,25 @@ impl Blocks {
     }
 }
 
+/// The parts of the film of a render with these settings. Blocks of one of Sobol's sequences avoid each
+/// other, and their spread says too much of the error; so there are two independent sequences. The reference
+/// integrator has a generator of its own.
+pub fn parts(settings: &RenderSettings) -> Parts {
+    let sequences =
+        settings.sampler == SamplerKind::Sobol && settings.integrator != IntegratorKind::Reference;
+    match (settings.adaptive, sequences) {
+        (true, _) => Parts::Halves,
+        (false, true) => Parts::Replicates,
+        (false, false) => Parts::Whole,
+    }
+}
+
+/// Of `total` samples that are dealt out to the parts of a film in turn, those of one part.
+pub(super) fn samples_of_part(total: u64, part: usize, parts: usize) -> u64 {
+    let (part, parts) = (part as u64, parts as u64);
+    total / parts + u64::from(part < total % parts)
+}
+
 /// Tiles of an image, row by row.
 #[derive(Debug, Clone, Copy)]
 pub struct Tiles {
@@ -192,11 +219,10 @@ impl Tiles {
         }
     }
 
-    /// The work items of a block in all tiles.
-    pub fn items(&self, block: u64, samples: (u64, u32)) -> Vec<WorkItem> {
-        (0..self.count())
-            .map(|tile| self.item(tile, block, samples))
-            .collect()
+    /// The work items of a block in all tiles, of one part of the film.
+    pub fn items(&self, block: u64, samples: (u64, u32), part: usize) -> Vec<WorkItem> {
+        let item = |tile| self.item(tile, block, samples).in_half(part);
+        (0..self.count()).map(item).collect()
     }
 }
 
@@ -204,10 +230,10 @@ impl Tiles {
 /// item.
 #[derive(Debug)]
 pub enum Schedule {
-    /// A round is one block of every tile.
+    /// A round is one block of every tile in each part of the film.
     Uniform {
-        /// The blocks.
-        blocks: Blocks,
+        /// The blocks of each part of the film.
+        blocks: Vec<Blocks>,
         /// The tiles.
         tiles: Tiles,
         /// Block of the next round.
@@ -242,8 +268,10 @@ impl Schedule {
         Ok(if settings.adaptive {
             Self::Adaptive(Box::new(Adaptive::new(settings, tiles)?))
         } else {
+            let blocks = Blocks::new(settings);
+            let count = parts(settings).count();
             Self::Uniform {
-                blocks: Blocks::new(settings),
+                blocks: (0..count).map(|part| blocks.of_part(part, count)).collect(),
                 tiles,
                 block: 0,
             }
@@ -252,7 +280,7 @@ impl Schedule {
 
     /// Samples of the largest block.
     pub fn largest_block(&self) -> u32 {
-        self.blocks().largest()
+        self.blocks(0).largest()
     }
 
     /// The work items of the next round; none when the render is complete. The same ones until they are
@@ -263,9 +291,13 @@ impl Schedule {
                 blocks,
                 tiles,
                 block,
-            } => blocks
-                .get(*block)
-                .map_or_else(Vec::new, |samples| tiles.items(*block, samples)),
+            } => {
+                let parts = blocks.iter().enumerate();
+                let items = parts.filter_map(|(part, blocks)| {
+                    Some(tiles.items(*block, blocks.get(*block)?, part))
+                });
+                items.flatten().collect()
+            }
             Self::Adaptive(adaptive) => adaptive.round(),
         }
     }
@@ -291,7 +323,7 @@ impl Schedule {
     /// Whether the next round is a last one of fewer samples than it has in a longer render.
     pub fn is_short(&self) -> bool {
         match self {
-            Self::Uniform { blocks, block, .. } => blocks.is_short(*block),
+            Self::Uniform { blocks, block, .. } => blocks.iter().any(|part| part.is_short(*block)),
             // A longer render is another one from the start.
             Self::Adaptive(_) => false,
         }
@@ -304,7 +336,7 @@ impl Schedule {
             Self::Adaptive(adaptive) => (0, adaptive.words()),
         };
         let position = Position {
-            blocks: *self.blocks(),
+            blocks: *self.blocks(0),
             block,
             mean: self.mean(),
         };
@@ -331,10 +363,11 @@ impl Schedule {
                     .to_owned(),
             );
         }
-        self.blocks().check_beginning(&position.blocks)?;
+        self.blocks(0).check_beginning(&position.blocks)?;
         match self {
             Self::Uniform { blocks, block, .. } => {
-                if let Some(total) = blocks.total
+                let total: Option<u64> = blocks.iter().map(|part| part.total).sum();
+                if let Some(total) = total
                     && total < film.max_samples()
                 {
                     return Err(format!(
@@ -362,7 +395,7 @@ impl Schedule {
     fn has_come_to(&mut self, film: &Film) -> bool {
         let tiles = self.tiles();
         let next = self.round();
-        (0..film.halves()).all(|half| {
+        (0..film.parts().count()).all(|half| {
             let mut most: Vec<u64> = (0..tiles.count())
                 .map(|tile| self.done(tile, half))
                 .collect();
@@ -373,7 +406,7 @@ impl Schedule {
             most.into_iter().enumerate().all(|(tile, most)| {
                 let item = tiles.item(tile, 0, (0, 1));
                 let blocks = sums[item.image_index(0)].blocks;
-                let samples = self.blocks().samples(blocks.min(MOST_BLOCKS));
+                let samples = self.blocks(half).samples(blocks.min(MOST_BLOCKS));
                 let is_whole = |pixel| {
                     let sums = &sums[item.image_index(pixel)];
                     sums.blocks == blocks && sums.samples == samples
@@ -383,9 +416,10 @@ impl Schedule {
         })
     }
 
-    fn blocks(&self) -> &Blocks {
+    /// The blocks of a part of the film.
+    fn blocks(&self, part: usize) -> &Blocks {
         match self {
-            Self::Uniform { blocks, .. } => blocks,
+            Self::Uniform { blocks, .. } => &blocks[part],
             Self::Adaptive(adaptive) => adaptive.blocks(),
         }
     }
@@ -442,6 +476,21 @@ mod tests {
                 assert_eq!(next, total);
                 assert!(count >= total.min(3), "{total} samples in {count} blocks");
             }
+        }
+    }
+
+    #[test]
+    fn samples_are_dealt_out_to_the_parts_of_a_film_in_turn() {
+        for total in [1, 2, 5, 6, 33, 64] {
+            let parts = [0, 1].map(|part| blocks(Budget::Samples(total), 16).of_part(part, 2));
+            let counts = parts.map(|part| part.samples(MOST_BLOCKS));
+            assert_eq!(counts, [total.div_ceil(2), total / 2]);
+            // A longer render goes on from where this one has had whole blocks alone.
+            let last = (0..).find(|&block| parts[0].get(block).is_none()).unwrap() - 1;
+            let short = parts.map(|part| part.is_short(last));
+            assert!((0..last).all(|block| parts.iter().all(|part| !part.is_short(block))));
+            let full = u64::from(parts[0].largest());
+            assert_eq!(short, counts.map(|count| count != (last + 1) * full));
         }
     }
 

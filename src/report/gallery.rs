@@ -166,7 +166,7 @@ mod tests {
             "href=\"a b.png\"",
             "2 × 1",
             "6 per pixel",
-            "path, mis, independent samples",
+            "path, mis, sobol samples",
             "0.000 s",
             "% estimated",
             "depth limit 16: 3 paths cut",

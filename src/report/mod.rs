@@ -410,7 +410,7 @@ impl RenderReport {
             },
             memory: MemoryReport {
                 peak_bytes: peak_memory(),
-                film_bytes: film.halves() as u64
+                film_bytes: film.parts().count() as u64
                     * Film::bytes(film.width(), film.height(), film.has_aux()),
             },
         }

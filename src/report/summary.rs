@@ -302,7 +302,7 @@ mod tests {
             "ended by interruption",
             "resumed, session 3: 1.5 samples per pixel in 0.5 CPU s before, 4.5 in 1.5 CPU s in this one",
             "biased: depth limit 16: 3 paths cut",
-            "path, strategy mis, sampler independent, accel auto (linear), depth limit 16, roulette from 5",
+            "path, strategy mis, sampler sobol, accel auto (linear), depth limit 16, roulette from 5",
             "seed 18446744073709551615, 2 threads, wave 1000, block 16",
             "lanes",
             "load               0.100     0.300",

@@ -22,6 +22,12 @@
 //! factor. Exceptions take an integrand that lives in just the intervals between a block's and the whole
 //! sequence's; for a function of one number there is none, for one of a pair Owen's bound on the
 //! gain coefficients keeps V(n) ≤ 2·V(n/B)/B ("Monte Carlo variance of scrambled net quadrature", 1997).
+//!
+//! So a render deals its samples out to two sequences of a pixel with keys of their own. Their means are
+//! independent, and a quarter of the square of their difference is an unbiased estimate of the
+//! variance of the mean of both, V(n/2)/2 (random replication; Owen, "Monte Carlo Theory, Methods and
+//! Examples", section 17.5), which is between V(n) and, where V falls as n^-2, 2·V(n). An adaptive
+//! render takes the spread of block means.
 
 use super::hash::{mix, of_dimension};
 use crate::math::lanes::{F32s, U32s, to_f32};

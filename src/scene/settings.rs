@@ -207,7 +207,7 @@ impl Default for RenderSettings {
         Self {
             integrator: IntegratorKind::Path,
             strategy: Strategy::Mis,
-            sampler: SamplerKind::Independent,
+            sampler: SamplerKind::Sobol,
             accel: AccelKind::Auto,
             accel_quality: AccelQuality::Medium,
             budget: Budget::Samples(64),

@@ -103,6 +103,7 @@ pub(crate) fn surface<const F: u32>(
     Surface {
         point: SurfacePoint {
             p: select(on_sphere.point.p, on_triangle.point.p),
+            start: select(on_sphere.point.start, on_triangle.point.start),
             error: select(on_sphere.point.error, on_triangle.point.error),
         },
         normal: select(on_sphere.normal, on_triangle.normal),

@@ -114,7 +114,8 @@ fn base() -> RenderSettings {
 fn cases() -> Vec<(&'static str, RenderSettings)> {
     let sampler = |sampler| RenderSettings { sampler, ..base() };
     vec![
-        ("hexroom.toml", base()),
+        ("hexroom.toml", RenderSettings { block: 4, ..base() }),
+        ("hexroom.toml", sampler(SamplerKind::Independent)),
         ("hexroom.toml", sampler(SamplerKind::Stratified)),
         (
             "materials.toml",
@@ -228,7 +229,7 @@ fn a_render_interrupted_again_and_again_comes_to_the_same_image_and_counts() {
                 wave: [4096, 100][sessions % 2],
                 ..settings.clone()
             };
-            let (outcome, written) = session(&scene, &now, last.as_deref(), NEVER, 2, &folder);
+            let (outcome, written) = session(&scene, &now, last.as_deref(), NEVER, 1, &folder);
             assert_eq!(
                 outcome.earlier.map_or(0, |earlier| earlier.sessions),
                 sessions as u32
@@ -375,12 +376,9 @@ fn another_scene_setting_or_build_is_refused_by_its_name() {
             &room,
             with(&|s| {
                 s.max_depth = Some(3);
-                s.sampler = SamplerKind::Sobol;
+                s.sampler = SamplerKind::Stratified;
             }),
-            vec![
-                "max depth (none, now 3)",
-                "sampler (independent, now sobol)",
-            ],
+            vec!["max depth (none, now 3)", "sampler (sobol, now stratified)"],
         ),
         (
             &room,

@@ -37,6 +37,14 @@ fn bare_floor(bsdf: BsdfDescription) -> SceneBuilder {
 /// Adds what brings one feature with it.
 type Addition = fn(&mut SceneBuilder);
 
+/// The settings with the sampler that needs least.
+fn independent(settings: RenderSettings) -> RenderSettings {
+    RenderSettings {
+        sampler: SamplerKind::Independent,
+        ..settings
+    }
+}
+
 #[test]
 fn each_feature_is_named_and_costs_bytes_only_where_it_is_needed() {
     let additions: [(&str, Addition); 13] = [
@@ -104,7 +112,7 @@ fn each_feature_is_named_and_costs_bytes_only_where_it_is_needed() {
         ("background", |s| s.background(1.0)),
     ];
     let bare = bare_floor(lambertian(0.5));
-    let settings = endless(Strategy::Mis);
+    let settings = independent(endless(Strategy::Mis));
     let least = plan(&bare.build(), &settings);
     assert_eq!(least.needed, ["triangles", "Lambertian surfaces"]);
     for (name, add) in additions {
@@ -166,16 +174,17 @@ fn settings_bring_their_features_and_no_more() {
     let clear = scene.matter(glass(1.5));
     scene.floor(0.1, 0.5, clear);
     let scene = scene.build();
-    let base = endless(Strategy::Bsdf);
+    let base = independent(endless(Strategy::Bsdf));
+    let nee = independent(endless(Strategy::Nee));
     let features = |settings: RenderSettings| plan(&scene, &settings).needed;
     let least = ["triangles", "Lambertian surfaces", "glass", "flat lights"];
     assert_eq!(features(base.clone()), least);
     let with = |more: &[&'static str]| [&least, more].concat();
-    assert_eq!(features(endless(Strategy::Nee)), with(&["shadow rays"]));
+    assert_eq!(features(nee.clone()), with(&["shadow rays"]));
     let mis = ["shadow rays", "multiple importance sampling"];
-    assert_eq!(features(endless(Strategy::Mis)), with(&mis));
+    assert_eq!(features(independent(endless(Strategy::Mis))), with(&mis));
     assert_eq!(
-        features(whitted(9)),
+        features(independent(whitted(9))),
         with(&[
             "shadow rays",
             "Whitted's transport",
@@ -194,14 +203,14 @@ fn settings_bring_their_features_and_no_more() {
     assert_eq!(features(sobol), with(&["Sobol sampling"]));
     let several = RenderSettings {
         light_samples: 2,
-        ..endless(Strategy::Nee)
+        ..nee.clone()
     };
     assert_eq!(
         features(several.clone()),
         with(&["shadow rays", "several light samples"])
     );
     let bytes = |settings: &RenderSettings| plan(&scene, settings).bytes_per_path;
-    assert!(bytes(&several) > bytes(&endless(Strategy::Nee)));
+    assert!(bytes(&several) > bytes(&nee));
     let splits = RenderSettings {
         glass_splits: 2,
         ..base.clone()
@@ -217,7 +226,7 @@ fn settings_bring_their_features_and_no_more() {
     assert_eq!(plan(&floor, &splits), plan(&floor, &base));
     let transparent = RenderSettings {
         transparent_shadows: true,
-        ..endless(Strategy::Nee)
+        ..nee.clone()
     };
     assert_eq!(
         features(transparent.clone()),
@@ -235,7 +244,7 @@ fn settings_bring_their_features_and_no_more() {
     assert_eq!(features(biased), with(&["shadow bias"]));
     // Emission alone needs no material, and direction sampling no shadow ray to be transparent.
     assert_eq!(
-        features(path(Strategy::Mis, 1)),
+        features(independent(path(Strategy::Mis, 1))),
         ["triangles", "flat lights"]
     );
     let no_shadows = RenderSettings {

@@ -97,15 +97,18 @@ const LEAST_HELD: u32 = 88;
 )]
 fn error_goals_are_met_and_the_interval_holds_the_true_error_of_100_renders() {
     let (independent, sobol) = (SamplerKind::Independent, SamplerKind::Sobol);
-    // With fewer pixels the one that has not seen the edge of a light yet decides: of 8 x 8 it was 87 at 8 %.
-    let size = [16, 16];
-    for (name, goal, max_depth, sampler, adaptive) in [
-        ("cornell.toml", 0.12, Some(2), independent, false),
-        ("cornell.toml", 0.12, Some(2), independent, true),
-        ("cornell.toml", 0.12, None, independent, false),
-        ("hexroom.toml", 0.4, None, independent, false),
-        ("many-lights.toml", 0.2, None, independent, false),
-        ("cornell.toml", 0.12, Some(2), sobol, false),
+    // With fewer pixels the one that has not seen the edge of a light yet decides: of 8 × 8 it was 87 at 8 %. Two
+    // sequences tell of each pixel with one degree of freedom, and it takes more pixels: of 16 × 16 it was 79.
+    let (small, large) = ([16, 16], [40, 40]);
+    for (name, goal, max_depth, sampler, adaptive, size) in [
+        ("cornell.toml", 0.12, Some(2), independent, false, small),
+        ("cornell.toml", 0.12, Some(2), independent, true, small),
+        ("cornell.toml", 0.12, None, independent, false, small),
+        ("hexroom.toml", 0.4, None, independent, false, small),
+        ("many-lights.toml", 0.2, None, independent, false, small),
+        ("cornell.toml", 0.12, Some(2), sobol, false, large),
+        ("hexroom.toml", 0.4, None, sobol, false, large),
+        ("many-lights.toml", 0.2, None, sobol, false, large),
     ] {
         let scene = load(name);
         let settings = RenderSettings {
@@ -124,9 +127,7 @@ fn error_goals_are_met_and_the_interval_holds_the_true_error_of_100_renders() {
             told.held, told.not_above, told.ratio
         );
         println!("{label}");
-        // What `sobol` tells is conservative: the error may be below the interval.
-        assert!(told.held >= LEAST_HELD || sampler == sobol, "{label}");
-        assert!(told.not_above >= LEAST_HELD, "{label}");
+        assert!(told.held >= LEAST_HELD, "{label}");
     }
 }
 
@@ -136,22 +137,30 @@ fn error_goals_are_met_and_the_interval_holds_the_true_error_of_100_renders() {
 fn intervals_hold_the_true_error_on_five_scenes_at_three_sample_counts() {
     let size = [24, 24];
     println!(
-        "{:<12}{:>6}{:>6}{:>11}{:>13}",
-        "scene", "spp", "held", "not above", "told of true"
+        "{:<12}{:>12}{:>6}{:>6}{:>11}{:>13}",
+        "scene", "sampler", "spp", "held", "not above", "told of true"
     );
+    let mut fewest = u32::MAX;
     for name in ["furnace", "panel", "cornell", "hexroom", "many-lights"] {
         let scene = load(&format!("{name}.toml"));
         let reference = long(&scene, size, &settings(&scene, Budget::Samples(1)), 1 << 16);
-        for samples in [80, 256, 1024] {
-            let settings = settings(&scene, Budget::Samples(samples));
-            let told = told(&scene, size, &settings, &reference, |_| ());
-            println!(
-                "{name:<12}{samples:>6}{:>6}{:>11}{:>13.2}",
-                told.held, told.not_above, told.ratio
-            );
-            assert!(told.held >= LEAST_HELD, "{name}, {samples}");
+        for sampler in [SamplerKind::Independent, SamplerKind::Sobol] {
+            for samples in [80, 256, 1024] {
+                let settings = RenderSettings {
+                    sampler,
+                    ..settings(&scene, Budget::Samples(samples))
+                };
+                let told = told(&scene, size, &settings, &reference, |_| ());
+                let sampler = format!("{sampler:?}");
+                println!(
+                    "{name:<12}{sampler:>12}{samples:>6}{:>6}{:>11}{:>13.2}",
+                    told.held, told.not_above, told.ratio
+                );
+                fewest = fewest.min(told.held);
+            }
         }
     }
+    assert!(fewest >= LEAST_HELD, "{fewest}");
 }
 
 #[test]
@@ -234,6 +243,7 @@ fn more_light_samples_lower_the_variance_of_direct_light_and_cost_their_shadow_r
     let [one, eight] = [1, 8].map(|light_samples| {
         let settings = RenderSettings {
             light_samples,
+            sampler: SamplerKind::Independent,
             ..path(Strategy::Nee, 2)
         };
         let (image, counts) = Renderer::Wavefront.image(&scene, &settings, [64, 4], 64);
@@ -299,7 +309,10 @@ fn adaptive_renders_are_unbiased_over_many_seeds() {
 fn adaptive_renders_have_less_error_with_as_many_samples_and_tell_it() {
     let scene = uneven();
     let size = [128, 64];
-    let base = settings(&scene, Budget::Samples(64));
+    let base = RenderSettings {
+        sampler: SamplerKind::Independent,
+        ..settings(&scene, Budget::Samples(64))
+    };
     let long = RenderSettings {
         budget: Budget::Samples(4096),
         seed: 99,

@@ -45,7 +45,7 @@ impl SignedErrors {
         for pixel in 0..film.len() {
             let (x, r) = (film.mean(pixel), reference.mean[pixel]);
             let variance = film.variance(pixel)?;
-            let freedom = (film.blocks(pixel) - 1) as f64;
+            let freedom = film.degrees_of_freedom(pixel) as f64;
             errors.sum.push(std::array::from_fn(|k| x[k] - r[k]));
             errors.variance.push(variance);
             errors

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::math::F32s;
 use crate::math::mis::power_heuristic;
 use crate::scene::{
-    BsdfDescription, Budget, RenderSettings, SceneDescription, Strategy, procedural,
+    BsdfDescription, Budget, RenderSettings, SamplerKind, SceneDescription, Strategy, procedural,
 };
 
 /// Albedo of receivers.
@@ -168,6 +168,7 @@ fn touching_wall(trial: &mut Trial<'_>, name: &str, corners: &[DVec3]) -> Result
         let mut last = 0.0;
         for samples in [16, 64, 256] {
             let settings = RenderSettings {
+                sampler: SamplerKind::Independent,
                 budget: Budget::Samples(samples),
                 block: 16,
                 ..path(strategy, 2)
