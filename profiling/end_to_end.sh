@@ -32,7 +32,7 @@ scene hairball "1.5, 1.2, 2.5" "0, 0, 0" 35
 for name in dragon sponza hairball; do
     for ((round = 0; round < rounds; round++)); do
         for version in old new; do
-            "${!version}" render "$name.toml" --spp 4 --threads 1 --max-depth 6 --quiet \
+            "${!version}" render "$name.toml" --spp 4 --threads 1 --max-depth 6 --sampler independent --quiet \
                 --output image.png --report report.json
             awk -v version="$version" '/"per_cpu_second":/ && !seen { seen = 1; print version, $2 + 0 }' \
                 report.json >>"$name.txt"

@@ -102,12 +102,14 @@ pub fn triangle_hit(
 /// Where rays that leave the point with these barycentric coordinates start.
 #[inline(always)]
 fn start(p: Vec3s, error: Vec3s, corners: [Vec3s; 3], weights: [F32s; 3]) -> Vec3s {
-    let least = least_weight(corners, error);
     let [u, v, w] = weights.map(|weight| weight.abs());
-    let at_edge = u.fast_min(v).fast_min(w).lt(least);
-    if at_edge.none() {
+    let smallest = u.fast_min(v).fast_min(w);
+    // Hardly ever is one of them that small.
+    if smallest.lt(F32s::splat(MOST_INSET)).none() {
         return p;
     }
+    let least = least_weight(corners, error);
+    let at_edge = smallest.lt(least);
     let [u, v, w] = weights.map(|weight| weight.abs().lt(least).select(least, weight));
     let scale = F32s::splat(1.0) / (u + v + w);
     let [a, b, c] = corners;
