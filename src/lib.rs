@@ -169,9 +169,9 @@
 //! - Developed and measured on Linux and x86-64 with AVX-512 (16 lanes). Other vector extensions run
 //!   8 lanes through the crate `wide`; they are tested for correctness and not tuned. CPU clocks are
 //!   POSIX.
-//! - The error estimate comes from the spread of block means. It is itself an estimate: with few
-//!   blocks, or where rare bright paths have not been seen yet, it is too small; for the Sobol sampler,
-//!   whose blocks avoid each other, it is too large ([`sampler::sobol`]).
+//! - The error estimate comes from the spread of block means, for the Sobol sampler from two independent
+//!   sequences ([`sampler::sobol`]). It is itself an estimate: with few blocks, or where rare bright paths
+//!   have not been seen yet, it is too small.
 //!
 //! # Sources
 //!

@@ -62,7 +62,7 @@ pub(super) struct SceneArgs {
     #[arg(long, value_name = "KIND")]
     pub(super) strategy: Option<Strategy>,
 
-    /// Where sample points come from [default: the scene's, else independent]
+    /// Where sample points come from [default: the scene's, else sobol]
     #[arg(long, value_name = "KIND")]
     pub(super) sampler: Option<SamplerKind>,
 

@@ -1,7 +1,5 @@
 //! The unit of everything: one tile of the image times one block of samples.
 
-use std::ops::{BitAnd, BitOr, Shr};
-
 use crate::math::F32s;
 use crate::math::lanes::{U32s, to_f32, to_u32};
 
@@ -55,9 +53,8 @@ impl WorkItem {
         self.width * self.height
     }
 
-    /// Paths: path p is sample `p % samples` of the tile's pixel `p / samples`. Pixels of a whole tile are numbered
-    /// along Morton's curve, x in the even bits: paths that follow one another look through a small square. A tile
-    /// that is cut off is numbered row by row.
+    /// Paths: path p is sample `p % samples` of the tile's pixel `p / samples`, so that the lanes
+    /// of a vector look through the same pixel or its neighbours.
     pub fn paths(&self) -> u32 {
         self.pixels() * self.samples
     }
@@ -66,14 +63,8 @@ impl WorkItem {
     #[inline(always)]
     pub fn locate(&self, path: U32s) -> (U32s, U32s, U32s) {
         let pixel = divide(path, self.samples);
-        let (column, row) = if self.is_whole() {
-            [pixel, pixel >> 1]
-                .map(|bits| even_bits(bits, U32s::splat))
-                .into()
-        } else {
-            let row = divide(pixel, self.width);
-            (pixel - row * U32s::splat(self.width), row)
-        };
+        let row = divide(pixel, self.width);
+        let column = pixel - row * U32s::splat(self.width);
         let sample = path - pixel * U32s::splat(self.samples);
         (
             U32s::splat(self.x) + column,
@@ -82,45 +73,11 @@ impl WorkItem {
         )
     }
 
-    /// (x, y) in the image of the tile's pixel `pixel`.
-    #[inline]
-    pub fn position(&self, pixel: u32) -> (u32, u32) {
-        let (column, row) = if self.is_whole() {
-            [pixel, pixel >> 1]
-                .map(|bits| even_bits(bits, |x| x))
-                .into()
-        } else {
-            (pixel % self.width, pixel / self.width)
-        };
-        (self.x + column, self.y + row)
-    }
-
     /// Index in the image of the tile's pixel `pixel`.
-    #[inline]
     pub fn image_index(&self, pixel: u32) -> usize {
-        let (x, y) = self.position(pixel);
+        let (x, y) = (self.x + pixel % self.width, self.y + pixel / self.width);
         y as usize * self.image_width as usize + x as usize
     }
-
-    /// Whether the image's edge cuts nothing off the tile.
-    #[inline(always)]
-    fn is_whole(&self) -> bool {
-        self.width == TILE && self.height == TILE
-    }
-}
-
-/// The bits at even places of a pixel's number in a whole tile, put together. `splat` makes a constant.
-#[inline(always)]
-fn even_bits<T>(number: T, splat: impl Fn(u32) -> T) -> T
-where
-    T: Copy + BitAnd<Output = T> + BitOr<Output = T> + Shr<u32, Output = T>,
-{
-    // Every other bit, pair and four.
-    [(1, 0x133), (2, 0x10f), (4, TILE - 1)]
-        .into_iter()
-        .fold(number & splat(0x155), |x, (by, keep)| {
-            (x | (x >> by)) & splat(keep)
-        })
 }
 
 /// `n / d` rounded down, exact for n < 2^21: (n + ½)/d is at least ½/d away from an integer, and
@@ -154,51 +111,19 @@ mod tests {
             y: 48,
             width: 13,
             height: 5,
-            image_width: 100,
+            image_width: 45,
             block: 2,
             first_sample: 14,
             samples: 7,
         };
-        let whole = WorkItem {
-            width: TILE,
-            height: TILE,
-            ..item
-        };
-        for item in [item, whole] {
-            let columns = 32..32 + item.width;
-            let rows = 48..48 + item.height;
-            let mut seen = std::collections::HashSet::new();
-            for path in 0..item.paths() {
-                let (x, y, s) = item.locate(U32s::splat(path));
-                let (x, y, s) = (x.to_array()[0], y.to_array()[0], s.to_array()[0]);
-                assert!(columns.contains(&x) && rows.contains(&y) && s < 7);
-                assert!(seen.insert((x, y, s)));
-                assert_eq!(item.position(path / 7), (x, y));
-                assert_eq!(item.image_index(path / 7), (y * 100 + x) as usize);
-            }
-            assert_eq!(seen.len(), item.paths() as usize);
+        let mut seen = std::collections::HashSet::new();
+        for path in 0..item.paths() {
+            let (x, y, s) = item.locate(U32s::splat(path));
+            let (x, y, s) = (x.to_array()[0], y.to_array()[0], s.to_array()[0]);
+            assert!((32..45).contains(&x) && (48..53).contains(&y) && s < 7);
+            assert!(seen.insert((x, y, s)));
+            assert_eq!(item.image_index(path / 7), (y * 45 + x) as usize);
         }
-    }
-
-    #[test]
-    fn pixels_that_follow_one_another_are_in_a_square() {
-        let item = WorkItem {
-            x: 0,
-            y: 0,
-            width: TILE,
-            height: TILE,
-            image_width: TILE,
-            block: 0,
-            first_sample: 0,
-            samples: 1,
-        };
-        for first in (0..item.pixels()).step_by(64) {
-            let (x, y) = item.position(first);
-            assert!(x % 8 == 0 && y % 8 == 0);
-            for pixel in first..first + 64 {
-                let (column, row) = item.position(pixel);
-                assert!((x..x + 8).contains(&column) && (y..y + 8).contains(&row));
-            }
-        }
+        assert_eq!(seen.len(), item.paths() as usize);
     }
 }

@@ -612,7 +612,7 @@ impl Worker {
                 let reference = reference.expect("made with the session");
                 for pixel in 0..item.pixels() {
                     let index = item.image_index(pixel);
-                    let (x, y) = item.position(pixel);
+                    let (x, y) = (item.x + pixel % item.width, item.y + pixel / item.width);
                     let samples = item.first_sample..item.first_sample + u64::from(item.samples);
                     let sum: DVec3 = samples
                         .map(|s| clamp.limit(reference.sample(x, y, s, counts)))

@@ -56,8 +56,8 @@ pub fn gallery_page(title: &str, text: &str, sections: &[GallerySection]) -> Str
             p {
                 "CPU time is that of all threads while they render; loading, building and writing are "
                 "outside. The estimated error is the root of the mean, over pixels and channels, of variance / "
-                "(mean² + ε²), with the variance of each pixel from the spread of its sample blocks and ε 1 % of the "
-                "image's mean. It needs two blocks of samples, and tells of noise alone, not of bias."
+                "(mean² + ε²), with the variance of each pixel from the spread of its sample blocks, or from its two "
+                "independent halves, and ε 1 % of the image's mean. It needs two samples, and tells of noise alone, not of bias."
             }
         }
     };

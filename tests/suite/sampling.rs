@@ -79,7 +79,7 @@ fn told(
 fn long(scene: &SceneDescription, size: [u32; 2], base: &RenderSettings, samples: u64) -> Film {
     let settings = RenderSettings {
         budget: Budget::Samples(samples),
-        sampler: SamplerKind::Independent,
+        sampler: SamplerKind::Sobol,
         adaptive: false,
         seed: 1000,
         ..base.clone()

@@ -45,8 +45,8 @@ const DEFINITIONS: [(&str, &str, &str); 22] = [
     (
         "estimated_variance",
         "radiance²",
-        "mean variance that the renderer estimates from the spread of its blocks of samples, without a \
-         reference",
+        "mean variance that the renderer estimates from the spread of its blocks of samples, or with \
+         the Sobol sampler from its two independent halves, without a reference",
     ),
     (
         "estimated_error",

@@ -258,7 +258,7 @@ pub struct Errors {
     pub relmse_trimmed: f64,
     /// Symmetric mean absolute relative error, in [0, 2].
     pub smape: f64,
-    /// Mean variance that the renderer estimates from its block means. `None` below two blocks.
+    /// Mean variance that the renderer estimates by itself. `None` below two blocks.
     pub estimated_variance: Option<f64>,
     /// Relative error that the renderer itself estimates, as a fraction. `None` below two blocks.
     pub estimated_error: Option<f64>,
