@@ -65,7 +65,7 @@ const MOST_INSET: f32 = 1.0 / 16_384.0;
 /// The triangle may stand for a polygon that it is part of: where the ray meets the plane outside of the
 /// triangle, so is the point. Where the triangle is seen exactly from its edge, the answer is its centroid.
 ///
-/// Rays that leave a point nearer to an edge than [`INSET`] error bounds start as far inwards: they
+/// Rays that leave a point nearer to an edge than eight error bounds start as far inwards: they
 /// would else begin beyond a wall that meets this one in the edge, if the angle between them is small or rounding
 /// is unfavourable.
 #[inline(always)]
