@@ -108,7 +108,6 @@ fn error_goals_are_met_and_the_interval_holds_the_true_error_of_100_renders() {
         ("many-lights.toml", 0.2, None, independent, false, small),
         ("cornell.toml", 0.12, Some(2), sobol, false, large),
         ("hexroom.toml", 0.4, None, sobol, false, large),
-        ("many-lights.toml", 0.2, None, sobol, false, large),
     ] {
         let scene = load(name);
         let settings = RenderSettings {
