@@ -23,7 +23,11 @@ pub fn sphere_distance(
     let zero = F32s::splat(0.0);
     let to_center = center - origin;
     let middle = to_center.dot(direction);
-    let across = to_center.add_scaled(direction, -middle);
+    let mut across = to_center.add_scaled_exactly(direction, -middle);
+    if cfg!(not(target_feature = "fma")) {
+        // The dot product has rounded more often: what it has left along the direction goes as well.
+        across = across.add_scaled(direction, -across.dot(direction));
+    }
     let discriminant = radius * radius - across.length_squared();
     let half_chord = discriminant.sqrt();
     let near = middle - half_chord;

@@ -100,28 +100,10 @@ pub(super) fn far_spheres(trial: &mut Trial<'_>) -> Result<()> {
         let label = format!("distance {ratio:e} radii");
         // In f32 the rim is known to γ(8)·D. The best known formulas reach the first of these at 10⁴ radii, and 1.5e-3
         // at 10⁵; what is wrong grows with the distance in all of them.
-        // Without fused multiplication (f·d)·d rounds by D·2⁻²⁴ before it is subtracted: of rays whose distance from
-        // the centre is spread evenly, as many as that is of the radius, twice for both sides of the rim, may be wrong; the
-        // best known formulas have 5e-6 at 10³ radii.
-        let fused = cfg!(target_feature = "fma");
         let tolerance = match ratio {
-            r if r <= 1e3 && fused => 0.0,
-            r if r <= 1e3 => 2.0 * f64::from(r) / f64::from(1 << 24),
-            r if r <= 1e4 => 2e-4,
-            r if r <= 1e5 => {
-                if fused {
-                    2e-4
-                } else {
-                    1.5e-3
-                }
-            }
-            _ => {
-                if fused {
-                    5e-4
-                } else {
-                    1.5e-2
-                }
-            }
+            r if r <= 1e3 => 0.0,
+            r if r <= 1e5 => 2e-4,
+            _ => 5e-4,
         };
         trial.note(
             &*label,
