@@ -39,7 +39,7 @@ for count in "${threads[@]}"; do
         read -r name file <<<"$scene"
         structures=$ours,$theirs
         [ "$name" = cornell ] && structures=linear,$structures
-        "$program" accels "$file" --structures "$structures" --threads "$count" --rounds 3 --count 262144 \
+        "$program" accels "$file" --structures "$structures" --threads "$count" --rounds 7 --count 262144 \
             --quiet >"$directory/$name-$count.txt" || echo "$name: exit code $?"
         awk -v scene="$name" -v threads="$count" '
             /^(primary|diffuse|diffuse2|shadow) / { kind = $1; next }

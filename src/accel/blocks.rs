@@ -146,6 +146,40 @@ impl Blocks {
         bytemuck::cast_ref(lines)
     }
 
+    /// As [`Self::node`], unchecked.
+    ///
+    /// # Safety
+    /// `reference` is the root or a child of some node, and no leaf.
+    #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
+    #[inline(always)]
+    pub(super) unsafe fn node_unchecked(&self, reference: u32) -> &Node {
+        let first = reference as usize / (LINE / UNIT);
+        debug_assert!(first + NODE_LINES <= self.lines.len());
+        // SAFETY: nodes lie within the lines, and a node is as many lines of the same alignment.
+        unsafe { &*self.lines.as_ptr().add(first).cast::<Node>() }
+    }
+
+    /// As [`Self::leaf`], unchecked.
+    ///
+    /// # Safety
+    /// `reference` is the root or a child of some node, and a leaf.
+    #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
+    #[inline(always)]
+    pub(super) unsafe fn leaf_unchecked(&self, reference: u32) -> Leaf<'_> {
+        let words: &[f32] = bytemuck::cast_slice(&self.lines);
+        let first = (reference & !LEAF) as usize * UNIT;
+        // SAFETY: leaves lie within the words, and a line follows the last.
+        let words = unsafe { words.get_unchecked(first..) };
+        // SAFETY: as before.
+        let header = unsafe { words.get_unchecked(0) }.to_bits();
+        Leaf {
+            triangles: (header & 0xff) as usize,
+            spheres: (header >> 8 & 0xff) as usize,
+            // SAFETY: as before.
+            words: unsafe { words.get_unchecked(1..) },
+        }
+    }
+
     /// The leaf of a reference with [`LEAF`], which must not be [`DONE`].
     #[inline(always)]
     pub(super) fn leaf(&self, reference: u32) -> Leaf<'_> {

@@ -14,7 +14,7 @@ use super::stream::Query;
 use crate::geometry::PrimitiveId;
 use crate::geometry::slab::FAR_PADDING;
 use crate::geometry::sphere::sphere_distance;
-use crate::geometry::triangle::{ShearRays, shear_lanes};
+use crate::geometry::triangle::{ShearRay, ShearRays, shear_lanes};
 use crate::math::lanes::{Compare, F32s, FloatLanes, LANES, Mask, U32s};
 use crate::math::vec3::Vec3s;
 
@@ -27,8 +27,8 @@ const VECTORS: usize = GROUP / LANES;
 /// rays of the dragon, whose triangles are smaller than pixels: 8 of 64 gave 1.28, 12 gave 1.40, 16 gave 1.4 to
 /// 1.5 times as many per CPU second as 2 did; those of the bunny 1.07, 1.04, 1.01 times.
 const FEW: u32 = 12;
-/// As [`FEW`], of any group at a leaf, where leaving costs more than staying: 4 cost the bunny's camera rays 6 %.
-const FEW_LEAF: u32 = 2;
+/// Rays that make a group.
+const LEAST: u32 = 3;
 
 /// Most subtrees that a ray can have left to it.
 pub(super) const MOST_PENDING: usize = 32;
@@ -56,7 +56,7 @@ pub(super) fn lanes_of(rays: Rays, vector: usize) -> Mask {
 
 /// Positions of the bits that are set.
 #[inline(always)]
-pub(super) fn each(mut rays: Rays) -> impl Iterator<Item = usize> {
+fn each(mut rays: Rays) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let ray = rays.trailing_zeros() as usize;
         rays &= rays.wrapping_sub(1);
@@ -148,7 +148,7 @@ impl Group {
     /// descend together.
     #[inline(always)]
     pub(super) fn common_axis(&self, rays: Rays) -> Option<usize> {
-        if rays.count_ones() <= FEW_LEAF {
+        if rays.count_ones() < LEAST {
             return None;
         }
         let most = F32s::splat(f32::MAX);
@@ -230,18 +230,29 @@ impl Group {
         let meets = bundle
             .cone
             .meets(|k, corner| leaf.row(bundle.axes[k], corner));
-        for index in (meets & Mask::first(leaf.triangles)).lanes() {
-            let corners = bundle.axes.map(|axis| leaf.corners(axis, index));
-            let id = U32s::splat(leaf.id(index));
-            for vector in 0..VECTORS {
-                let lanes = lanes_of(rays, vector);
-                if lanes.none() {
-                    continue;
-                }
-                let (hits, t) = self.sheared[vector].intersect(&corners, lanes);
-                if hits.any() {
-                    let hits = hits & !self.skip[vector].eq(id);
-                    met = met | self.take::<Q>(vector, hits, t, id);
+        let meets = meets & Mask::first(leaf.triangles);
+        let vectors = (0..VECTORS)
+            .filter(|&vector| lanes_of(rays, vector).any())
+            .count();
+        // All triangles against a ray take about as long as a triangle against a vector of rays.
+        if (rays.count_ones() as usize) < meets.count() * vectors {
+            for ray in each(rays) {
+                met = met | self.meet_alone::<Q>(leaf, bundle.axes[2], ray, meets);
+            }
+        } else {
+            for index in meets.lanes() {
+                let corners = bundle.axes.map(|axis| leaf.corners(axis, index));
+                let id = U32s::splat(leaf.id(index));
+                for vector in 0..VECTORS {
+                    let lanes = lanes_of(rays, vector);
+                    if lanes.none() {
+                        continue;
+                    }
+                    let (hits, t) = self.sheared[vector].intersect(&corners, lanes);
+                    if hits.any() {
+                        let hits = hits & !self.skip[vector].eq(id);
+                        met = met | self.take::<Q>(vector, hits, t, id);
+                    }
                 }
             }
         }
@@ -261,6 +272,36 @@ impl Group {
             }
         }
         met.any()
+    }
+
+    /// Tests one ray against these triangles of the leaf; the ray's lane where it hit one.
+    #[inline(always)]
+    fn meet_alone<Q: Query>(
+        &mut self,
+        leaf: &Leaf<'_>,
+        axis: usize,
+        ray: usize,
+        triangles: Mask,
+    ) -> Mask {
+        let at = |columns: &[Column; 3]| columns.each_ref().map(|column| self.at(column, ray));
+        let sheared = ShearRay::from_parts(at(&self.origin), axis, at(&self.shear));
+        let (hits, t) = sheared.intersect_rows(
+            |axis, corner| leaf.row(axis, corner),
+            triangles,
+            || leaf.all_rows(),
+        );
+        if hits.none() {
+            return Mask::NONE;
+        }
+        let t = t.to_array();
+        let (vector, lane) = (ray / LANES, Mask(1 << (ray % LANES)));
+        let mut met = Mask::NONE;
+        for index in hits.lanes() {
+            let id = U32s::splat(leaf.id(index));
+            let hits = lane & !self.skip[vector].eq(id);
+            met = met | self.take::<Q>(vector, hits, F32s::splat(t[index]), id);
+        }
+        met
     }
 
     /// Takes hits of the primitive `id` where they count; the lanes where one did.
@@ -560,11 +601,8 @@ pub(super) fn descend<const SPHERES: bool, Q: Query>(
     loop {
         let active = group.beyond(at.rays, at.near);
         let count = active.count_ones();
-        let few = if at.reference & LEAF == 0 {
-            few
-        } else {
-            FEW_LEAF
-        };
+        // Leaving costs more than staying at a leaf.
+        let few = if at.reference & LEAF == 0 { few } else { 0 };
         if count <= few && most_pending < MOST_PENDING {
             for ray in each(active) {
                 let pending = &mut scratch.pending[ray];

@@ -12,7 +12,7 @@ use wide::f32x8;
 use super::blocks::{Blocks, DONE, LEAF, LEAF_SIZE, Node};
 use super::collapse::WIDTH;
 use super::octant::{OCTANTS, ORDER, nearest, permute};
-use super::packet::{self, GROUP, Group, Rays, each, lanes_of, rays_of};
+use super::packet::{self, GROUP, Group, Rays, lanes_of, rays_of};
 use super::{AccelCounters, RayBatch};
 use crate::geometry::PrimitiveId;
 use crate::geometry::slab::FAR_PADDING;
@@ -88,8 +88,8 @@ struct Flight {
     reciprocal: [f32; 3],
     /// Per axis where in a node the near planes are, in bytes.
     near: [u32; 3],
-    /// Signs of the direction.
-    octant: u32,
+    /// Where the orders of the direction's octant begin in [`ORDER`].
+    orders: u32,
     shear: ShearRay,
     /// Closest hit so far, or the end of the ray.
     t: f32,
@@ -107,7 +107,7 @@ struct Flight {
 #[derive(Debug)]
 struct Scratch {
     flights: [Flight; IN_FLIGHT],
-    /// Per flight, one after the other: entry distances and references put aside, [`DONE`] first.
+    /// Per flight, one after the other: entry distances and references put aside. The first stay [`DONE`].
     stack_t: Vec<f32>,
     stack: Vec<u32>,
     /// Entries of a flight's part of the stacks.
@@ -156,8 +156,8 @@ impl Scratch {
         let stride = tree.stack_bound + packet::MOST_PENDING + LANES;
         if self.stride < stride {
             self.stride = stride;
-            self.stack_t.resize(stride * IN_FLIGHT, 0.0);
-            self.stack.resize(stride * IN_FLIGHT, DONE);
+            self.stack_t = vec![f32::NEG_INFINITY; stride * IN_FLIGHT];
+            self.stack = vec![DONE; stride * IN_FLIGHT];
         }
         self.packet.reserve(tree.stack_bound);
         let room = padded(rays.len) + LANES;
@@ -294,7 +294,7 @@ impl Flight {
     const NONE: Self = Self {
         reciprocal: [0.0; 3],
         near: [0; 3],
-        octant: 0,
+        orders: 0,
         shear: ShearRay::NONE,
         t: 0.0,
         primitive: PrimitiveId::NONE,
@@ -314,7 +314,7 @@ impl Flight {
         Self {
             reciprocal: at(&group.reciprocal).map(|r| -r),
             near: Node::NEAR[octant],
-            octant: octant as u32,
+            orders: (octant << WIDTH) as u32,
             shear: ShearRay::from_parts(at(&group.origin), largest, at(&group.shear)),
             t: group.at(&group.t, ray),
             primitive: group.at_u32(&group.primitive, ray),
@@ -467,7 +467,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
             self.counters.nodes += count as u64;
             let mut all = self.scratch.flights();
             for (&slot, next) in flights[..count].iter().zip(&mut next) {
-                *next = all.visit_node(tree, slot as usize);
+                *next = all.visit_node::<Q>(tree, slot as usize);
                 tree.prefetch(*next);
             }
             self.lists.distribute(&flights, &next, count);
@@ -576,19 +576,16 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
     /// each.
     #[inline(never)]
     fn take_off(&mut self) {
-        for place in each(self.alone) {
-            if self.free_len == 0 {
-                break;
-            }
-            self.alone &= !(1 << place);
-            let scratch = &mut *self.scratch;
+        let scratch = &mut *self.scratch;
+        let (mut alone, mut free) = (self.alone, self.free_len);
+        while alone != 0 && free > 0 {
+            let place = alone.trailing_zeros() as usize % GROUP;
+            alone &= alone - 1;
             let flight = Flight::new(&scratch.group, self.octant, place);
-            let slot = self.free[self.free_len - 1] as usize;
-            let base = slot * scratch.stride;
-            scratch.stack[base] = DONE;
-            scratch.stack_t[base] = f32::NEG_INFINITY;
-            let mut top = base + 1;
-            let current = if self.descended >> place & 1 != 0 {
+            let slot = self.free[free - 1] as usize % IN_FLIGHT;
+            let mut top = slot * scratch.stride + 1;
+            let mut current = self.tree.root;
+            if self.descended >> place & 1 != 0 {
                 // The last that the group came to is the first to be put aside.
                 let pending = &scratch.packet.pending[place];
                 for at in (0..usize::from(scratch.packet.counts[place])).rev() {
@@ -597,22 +594,20 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
                     top += usize::from(pending.t[at] <= flight.t * FAR_PADDING);
                 }
                 top -= 1;
-                scratch.stack[top]
-            } else {
-                self.tree.root
-            };
-            if current == DONE {
-                self.query
-                    .finish(flight.ray as usize, flight.t, flight.primitive);
-                continue;
+                current = scratch.stack[top];
+                if current == DONE {
+                    self.query
+                        .finish(flight.ray as usize, flight.t, flight.primitive);
+                    continue;
+                }
+                self.tree.prefetch(current);
             }
             scratch.flights[slot] = Flight {
                 current,
                 top: top as u32,
                 ..flight
             };
-            self.tree.prefetch(current);
-            self.free_len -= 1;
+            free -= 1;
             let list = if current & LEAF == 0 {
                 &mut self.lists.nodes
             } else {
@@ -621,6 +616,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
             list.flights[list.len] = slot as u32;
             list.len += 1;
         }
+        (self.alone, self.free_len) = (alone, free);
     }
 }
 
@@ -634,29 +630,44 @@ struct Flights<'a> {
 
 impl Flights<'_> {
     /// Visits the node at which a flight is, and gives where it goes.
+    #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
     #[inline(always)]
-    fn visit_node(&mut self, tree: &Blocks, slot: usize) -> u32 {
+    fn visit_node<Q: Query>(&mut self, tree: &Blocks, slot: usize) -> u32 {
         let flight = &mut self.flights[slot % IN_FLIGHT];
-        let node = tree.node(flight.current);
+        // SAFETY: a flight in the list of nodes is at a node.
+        let node = unsafe { tree.node_unchecked(flight.current) };
         let origin = flight.shear.origin();
         let (mut first, mut last) = (f32x8::splat(0.0), f32x8::splat(flight.t));
         // NaN (0·∞) drops out. The roundings are those of `geometry::slab::SlabRay`.
         for (axis, origin) in origin.into_iter().enumerate() {
             let near = flight.near[axis];
             let [near, far] = [near, near ^ Node::SIDE].map(|place| {
-                (f32x8::splat(origin) - node.planes_at(place))
+                // SAFETY: `near` is of some octant.
+                (f32x8::splat(origin) - unsafe { node.planes_at(place) })
                     * f32x8::splat(flight.reciprocal[axis])
             });
             first = near.keep_max(first);
             last = far.keep_min(last);
         }
         let mask = first.simd_le(last * f32x8::splat(FAR_PADDING)).to_bitmask() & 0xff;
-        let order = ORDER[flight.octant as usize % OCTANTS][mask as usize];
+        // SAFETY: there are as many orders for each octant as a mask has values.
+        let order = unsafe {
+            *ORDER
+                .as_flattened()
+                .get_unchecked((flight.orders + mask) as usize)
+        };
         let children = permute(bytemuck::cast(node.children), order);
         let top = flight.top as usize;
-        let below = self.stack[top - 1];
-        store8(self.stack_t, top, permute(first, order));
-        store8(bytemuck::cast_slice_mut(self.stack), top, children);
+        // SAFETY: a stack has room for what the tree needs and a vector more, and never is empty.
+        let below = unsafe { *self.stack.get_unchecked(top - 1) };
+        // SAFETY: as before.
+        unsafe {
+            // Any hit ends a ray: no distance is looked at again.
+            if !Q::ANY {
+                store8(self.stack_t, top, permute(first, order));
+            }
+            store8(bytemuck::cast_slice_mut(self.stack), top, children);
+        }
         // The nearest child, or what was put aside last, is taken at once.
         flight.top = (top + mask.count_ones() as usize - 1) as u32;
         let nearest = node.children[nearest(order)];
@@ -667,6 +678,7 @@ impl Flights<'_> {
     }
 
     /// Looks whether a flight may hit something in the leaf at which it is: gives [`MAY_HIT`], or where it goes.
+    #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
     #[inline(always)]
     fn pass_leaf<const SPHERES: bool>(
         &mut self,
@@ -675,13 +687,15 @@ impl Flights<'_> {
         tests: &mut u64,
     ) -> u32 {
         let flight = &mut self.flights[slot % IN_FLIGHT];
-        let leaf = tree.leaf(flight.current);
+        // SAFETY: a flight in the list of leaves is at a leaf.
+        let leaf = unsafe { tree.leaf_unchecked(flight.current) };
         *tests += (leaf.triangles + leaf.spheres) as u64;
         let row = |axis: usize, corner: usize| leaf.row(axis, corner);
         let may_hit = flight.shear.may_hit(row, leaf.valid(), flight.t).any();
         let may_hit = may_hit | (SPHERES && leaf.spheres > 0);
         let top = flight.top as usize;
-        let below = self.stack[top - 1];
+        // SAFETY: a stack never is empty.
+        let below = unsafe { *self.stack.get_unchecked(top - 1) };
         flight.top = top as u32 - u32::from(!may_hit);
         flight.current = select_unpredictable(may_hit, flight.current, below);
         select_unpredictable(may_hit, MAY_HIT, below)
@@ -737,12 +751,21 @@ impl Flights<'_> {
 }
 
 /// Writes the eight words from `at` on.
+///
+/// # Safety
+/// The column has them.
+#[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
 #[inline(always)]
-fn store8(column: &mut [f32], at: usize, value: f32x8) {
-    let words: &mut [f32; WIDTH] = (&mut column[at..at + WIDTH])
-        .try_into()
-        .expect("a slice of this length");
-    *words = value.to_array();
+unsafe fn store8(column: &mut [f32], at: usize, value: f32x8) {
+    debug_assert!(at + WIDTH <= column.len());
+    // SAFETY: by this function's condition.
+    unsafe {
+        column
+            .as_mut_ptr()
+            .add(at)
+            .cast::<f32x8>()
+            .write_unaligned(value);
+    }
 }
 
 impl Flight {

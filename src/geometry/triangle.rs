@@ -17,9 +17,27 @@ use crate::math::vec3::Vec3s;
 pub struct ShearRay {
     origin: [f32; 3],
     /// Axes taken as x, y and z; z is the direction's largest component.
-    axes: [u32; 3],
+    axes: [Axis; 3],
     /// x and y per z, and the reciprocal of z.
     shear: [f32; 3],
+}
+
+/// An axis of space: a type, so that indexing by it needs no check.
+#[derive(Debug, Clone, Copy)]
+#[repr(u32)]
+enum Axis {
+    X,
+    Y,
+    Z,
+}
+
+impl Axis {
+    /// The axes in the order of a frame whose z axis is this one.
+    const FRAMES: [[Self; 3]; 3] = [
+        [Self::Y, Self::Z, Self::X],
+        [Self::Z, Self::X, Self::Y],
+        [Self::X, Self::Y, Self::Z],
+    ];
 }
 
 impl ShearRay {
@@ -34,16 +52,12 @@ impl ShearRay {
         } else {
             2
         };
-        let x = (z + 1) % 3;
-        let y = (x + 1) % 3;
-        let shear = [
-            direction[x] / direction[z],
-            direction[y] / direction[z],
-            1.0 / direction[z],
-        ];
+        let axes = Axis::FRAMES[z];
+        let [x, y, z] = axes.map(|axis| direction[axis as usize]);
+        let shear = [x / z, y / z, 1.0 / z];
         Self {
             origin,
-            axes: [x, y, z].map(|axis| axis as u32),
+            axes,
             shear,
         }
     }
@@ -51,7 +65,7 @@ impl ShearRay {
     /// Hits nothing.
     pub const NONE: Self = Self {
         origin: [0.0; 3],
-        axes: [0, 1, 2],
+        axes: Axis::FRAMES[2],
         shear: [f32::NAN; 3],
     };
 
@@ -59,11 +73,9 @@ impl ShearRay {
     /// [`shear_lanes`].
     #[inline(always)]
     pub fn from_parts(origin: [f32; 3], largest: usize, shear: [f32; 3]) -> Self {
-        /// Successors of each axis.
-        const AXES: [[u32; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
         Self {
             origin,
-            axes: AXES[largest],
+            axes: Axis::FRAMES[largest],
             shear,
         }
     }
