@@ -88,7 +88,7 @@ struct Flight {
     reciprocal: [f32; 3],
     /// Per axis where in a node the near planes are, in bytes.
     near: [u32; 3],
-    /// Where the orders of the direction's octant begin in [`ORDER`].
+    /// Where the orders begin in [`ORDER`] in which it visits children.
     orders: u32,
     shear: ShearRay,
     /// Closest hit so far, or the end of the ray.
@@ -305,16 +305,21 @@ impl Flight {
         top: 0,
     };
 
-    /// The flight of a ray of the group, at no place yet.
+    /// The flight of a ray of the group, whose direction is of `octant`, at no place yet.
+    ///
+    /// Where any hit ends a ray, it looks from its far end on: surfaces next to where it starts are met at grazing
+    /// angles, cost visits and seldom stop it. In shadow rays per CPU second: dragon 1.04 (7 % fewer nodes), Suzanne 1.04,
+    /// Sponza 1.02, bunny, hairball and teapot 1.01.
     #[inline(always)]
-    fn new(group: &Group, octant: usize, ray: usize) -> Self {
+    fn new<Q: Query>(group: &Group, octant: usize, ray: usize) -> Self {
         let at =
             |columns: &[packet::Column; 3]| columns.each_ref().map(|column| group.at(column, ray));
         let largest = group.at_u32(&group.largest, ray) as usize;
+        let opposite = if Q::ANY { OCTANTS - 1 } else { 0 };
         Self {
             reciprocal: at(&group.reciprocal).map(|r| -r),
             near: Node::NEAR[octant],
-            orders: (octant << WIDTH) as u32,
+            orders: ((octant ^ opposite) << WIDTH) as u32,
             shear: ShearRay::from_parts(at(&group.origin), largest, at(&group.shear)),
             t: group.at(&group.t, ray),
             primitive: group.at_u32(&group.primitive, ray),
@@ -581,7 +586,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         while alone != 0 && free > 0 {
             let place = alone.trailing_zeros() as usize % GROUP;
             alone &= alone - 1;
-            let flight = Flight::new(&scratch.group, self.octant, place);
+            let flight = Flight::new::<Q>(&scratch.group, self.octant, place);
             let slot = self.free[free - 1] as usize % IN_FLIGHT;
             let mut top = slot * scratch.stride + 1;
             let mut current = self.tree.root;
