@@ -6,7 +6,8 @@
 //! nanoseconds per ray on one thread: the median over the rounds, with the quartiles.
 //!
 //! Last it prints what fits the medians: the exponent k of cost ∝ nᵏ, and for trees the line
-//! cost = a + b·log₂ n, with r², both from 10⁴ triangles on.
+//! cost = a + b·log₂ n, with r², both from 10⁴ triangles on. The same for visits, that is, nodes visited and primitives
+//! tested per ray, which neither caches nor neighbours change.
 #![allow(clippy::print_stdout, reason = "prints the measurements")]
 
 #[path = "support/mesh_scenes.rs"]
@@ -60,6 +61,8 @@ struct Candidate {
     rays: RaySet,
     /// CPU nanoseconds per ray in each round.
     costs: Vec<f64>,
+    /// Nodes visited and primitives tested per ray.
+    visits: f64,
 }
 
 /// Builds what has time for a mesh of this size.
@@ -88,6 +91,7 @@ fn candidates(mesh: &str, triangles: u32) -> Vec<Candidate> {
                 _ => incoherent.sample(count),
             },
             costs: Vec::new(),
+            visits: 0.0,
         })
         .collect()
 }
@@ -95,9 +99,10 @@ fn candidates(mesh: &str, triangles: u32) -> Vec<Candidate> {
 impl Candidate {
     /// Runs all rays once.
     fn run(&mut self, pool: &ThreadPool) {
-        let (round, _) = run(pool, &*self.accel, &self.rays, BATCH);
-        self.costs
-            .push(1e9 * round.cpu_seconds / self.rays.len() as f64);
+        let (round, counters) = run(pool, &*self.accel, &self.rays, BATCH);
+        let rays = self.rays.len() as f64;
+        self.costs.push(1e9 * round.cpu_seconds / rays);
+        self.visits = (counters.nodes + counters.tests) as f64 / rays;
     }
 
     /// Lower quartile, median and upper quartile of the costs.
@@ -120,25 +125,36 @@ fn fit(points: &[(f64, f64)]) -> Option<[f64; 3]> {
     (points.len() >= 3).then(|| [y - slope * x, slope, xy * xy / (xx * yy)])
 }
 
+/// Prints the exponent of `what` ∝ nᵏ, and for trees the line over log₂ n.
+fn print_fit(name: &str, what: &str, points: &[(f64, f64)], tree: bool) {
+    let power: Vec<_> = points.iter().map(|(n, y)| (n.ln(), y.ln())).collect();
+    if let Some([_, exponent, r2]) = fit(&power) {
+        println!("{name}: {what} ~ n^{exponent:.3}, r² = {r2:.3}");
+    }
+    let line: Vec<_> = points.iter().map(|(n, y)| (n.log2(), *y)).collect();
+    if let Some([a, b, r2]) = fit(&line).filter(|_| tree) {
+        println!("{name}: {what} = {a:.1} + {b:.2} log2 n, r² = {r2:.3}");
+    }
+}
+
 fn print_fits(mesh: &str, structure: Structure, candidates: &[Candidate]) {
-    let name = structure.name();
-    let mut fitted = Vec::new();
+    let name = format!("{mesh}, {}", structure.name());
+    let tree = structure != Structure::Linear;
+    let (mut costs, mut visits) = (Vec::new(), Vec::new());
     for candidate in candidates.iter().filter(|own| own.structure == structure) {
         let [low, cost, high] = candidate.quartiles();
         let n = candidate.primitives as f64;
-        println!("{mesh}, {name}: {n} triangles, {cost:.1} ({low:.1}..{high:.1}) ns per ray");
-        if structure == Structure::Linear || n >= LEAST_FITTED {
-            fitted.push((n, cost));
+        println!(
+            "{name}: {n} triangles, {cost:.1} ({low:.1}..{high:.1}) ns and {:.1} visits per ray",
+            candidate.visits
+        );
+        if !tree || n >= LEAST_FITTED {
+            costs.push((n, cost));
+            visits.push((n, candidate.visits));
         }
     }
-    let power: Vec<_> = fitted.iter().map(|(n, cost)| (n.ln(), cost.ln())).collect();
-    if let Some([_, exponent, r2]) = fit(&power) {
-        println!("{mesh}, {name}: cost ~ n^{exponent:.3}, r² = {r2:.3}");
-    }
-    let line: Vec<_> = fitted.iter().map(|(n, cost)| (n.log2(), *cost)).collect();
-    if let Some([a, b, r2]) = fit(&line).filter(|_| structure != Structure::Linear) {
-        println!("{mesh}, {name}: cost = {a:.1} + {b:.2} log2 n ns, r² = {r2:.3}");
-    }
+    print_fit(&name, "ns", &costs, tree);
+    print_fit(&name, "visits", &visits, tree);
 }
 
 fn main() {
