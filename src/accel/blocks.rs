@@ -171,13 +171,8 @@ impl Blocks {
         // SAFETY: leaves lie within the words, and a line follows the last.
         let words = unsafe { words.get_unchecked(first..) };
         // SAFETY: as before.
-        let header = unsafe { words.get_unchecked(0) }.to_bits();
-        Leaf {
-            triangles: (header & 0xff) as usize,
-            spheres: (header >> 8 & 0xff) as usize,
-            // SAFETY: as before.
-            words: unsafe { words.get_unchecked(1..) },
-        }
+        let (header, words) = unsafe { (*words.get_unchecked(0), words.get_unchecked(1..)) };
+        Leaf::new(header, words)
     }
 
     /// The leaf of a reference with [`LEAF`], which must not be [`DONE`].
@@ -185,12 +180,9 @@ impl Blocks {
     pub(super) fn leaf(&self, reference: u32) -> Leaf<'_> {
         let words: &[f32] = bytemuck::cast_slice(&self.lines);
         let words = &words[(reference & !LEAF) as usize * UNIT..];
-        let header = words[0].to_bits();
-        Leaf::new(
-            (header & 0xff) as usize,
-            (header >> 8) as usize,
-            &words[1..],
-        )
+        let leaf = Leaf::new(words[0], &words[1..]);
+        assert!(TRIANGLE_WORDS * leaf.triangles + LEAF_SIZE <= leaf.words.len());
+        leaf
     }
 
     /// Asks for the first four cache lines of what is referred to.
@@ -205,14 +197,14 @@ impl Blocks {
 }
 
 impl<'a> Leaf<'a> {
-    /// # Panics
-    /// If `words` ends before a vector of [`LEAF_SIZE`] words after the triangles does.
+    /// From the bits of its first word, the triangles in the low byte and the spheres in the next, and the words after
+    /// it, which end no earlier than a vector of [`LEAF_SIZE`] words after the triangles does.
     #[inline(always)]
-    fn new(triangles: usize, spheres: usize, words: &'a [f32]) -> Self {
-        assert!(TRIANGLE_WORDS * triangles + LEAF_SIZE <= words.len());
+    fn new(header: f32, words: &'a [f32]) -> Self {
+        let header = header.to_bits();
         Self {
-            triangles,
-            spheres,
+            triangles: (header & 0xff) as usize,
+            spheres: (header >> 8) as usize,
             words,
         }
     }
@@ -225,7 +217,7 @@ impl<'a> Leaf<'a> {
             reason = "checks of nine rows take as long as their reading"
         )]
         assert!(first + more < TRIANGLE_WORDS);
-        // SAFETY: `new` checked that a vector after the last row is within `words`, and so is one within a row.
+        // SAFETY: a vector after the last row is within `words`, and so is one within a row.
         unsafe {
             let row = self.words.as_ptr().add(first * self.triangles);
             row.add(more * self.triangles)
