@@ -40,8 +40,8 @@ impl Film {
     /// relative variance; as the denominators are not certain either, its ends are those of the wider one of two, with
     /// the neighbours' help and with each pixel's own mean alone. Of two replicates n is 1, and as the
     /// points of one are spread evenly their means may have lighter tails than normal ones: E(q²) is at least
-    /// 2·E(q)², which two equally likely values have. Halves whose blocks are spread more evenly than
-    /// independent ones may be below the interval.
+    /// 2·E(q)², which two equally likely values have. Where the blocks of a part without replicates are spread more
+    /// evenly than independent ones, as those of stratified samples, the error may be below the interval.
     pub fn error_estimate(&self) -> Option<ErrorEstimate> {
         if self.is_empty() {
             return None;

@@ -167,8 +167,8 @@ pub fn parts(settings: &RenderSettings) -> Parts {
     let sequences =
         settings.sampler == SamplerKind::Sobol && settings.integrator != IntegratorKind::Reference;
     match (settings.adaptive, sequences) {
-        (true, _) => Parts::Halves,
-        (false, true) => Parts::Replicates,
+        (_, true) => Parts::Replicates,
+        (true, false) => Parts::Halves,
         (false, false) => Parts::Whole,
     }
 }

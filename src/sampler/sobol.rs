@@ -26,8 +26,7 @@
 //! So a render deals its samples out to two sequences of a pixel with keys of their own. Their means are
 //! independent, and a quarter of the square of their difference is an unbiased estimate of the
 //! variance of the mean of both, V(n/2)/2 (random replication; Owen, "Monte Carlo Theory, Methods and
-//! Examples", section 17.5), which is between V(n) and, where V falls as n^-2, 2·V(n). An adaptive
-//! render takes the spread of block means.
+//! Examples", section 17.5), which is between V(n) and, where V falls as n^-2, 2·V(n).
 
 use super::hash::{mix, of_dimension};
 use crate::math::lanes::{F32s, U32s, to_f32};

@@ -107,6 +107,7 @@ fn error_goals_are_met_and_the_interval_holds_the_true_error_of_100_renders() {
         ("hexroom.toml", 0.4, None, independent, false, small),
         ("many-lights.toml", 0.2, None, independent, false, small),
         ("cornell.toml", 0.12, Some(2), sobol, false, large),
+        ("cornell.toml", 0.12, Some(2), sobol, true, large),
         ("hexroom.toml", 0.4, None, sobol, false, large),
     ] {
         let scene = load(name);

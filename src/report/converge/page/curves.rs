@@ -14,10 +14,14 @@ use super::super::{Checkpoint, Configuration, Estimate, Fit, ReferenceReport, Re
 use super::format::{estimate_text, number, percent};
 use super::{dash, series_color};
 
-/// Pixels of the height of a plot, and those between its upper edge and the axis.
-const HEIGHT: usize = 460;
+/// Pixels of the height of the axis of a plot, and those above it.
+const AXIS: usize = 330;
 const TOP: usize = 14;
-const BOTTOM: usize = 120;
+/// Pixels below it: its numbers and name, and a line of the legend.
+const X_TITLE: usize = 60;
+const LEGEND_LINE: usize = 20;
+/// About the width of the legend.
+const LEGEND_WIDTH: usize = 390;
 /// Pixels on the right of a plot, where labels are.
 const RIGHT: usize = 170;
 /// Least pixels between two labels.
@@ -340,6 +344,7 @@ fn plot(results: &Results, measure: &Measure, abscissa: Abscissa) -> serde_json:
         abscissa,
         [x_range, y_range],
         labels(results, &curves, measure, abscissa, y_range),
+        legend_lines(results),
     ));
     serde_json::to_value(&plot).expect("a plot is plain data")
 }
@@ -442,7 +447,7 @@ fn labels(
     if curves.len() > MOST_LABELS {
         return Vec::new();
     }
-    let pixels_per_decade = (HEIGHT - TOP - BOTTOM) as f64 / (y_range[1] - y_range[0]);
+    let pixels_per_decade = AXIS as f64 / (y_range[1] - y_range[0]);
     let mut ends: Vec<(usize, f64, f64)> = curves
         .iter()
         .enumerate()
@@ -502,12 +507,26 @@ fn label_text(name: &str, fit: Option<Fit>) -> String {
     text
 }
 
+/// About how many lines the legend has, at most: of columns as wide as the longest name.
+fn legend_lines(results: &Results) -> usize {
+    let names = results
+        .configurations
+        .iter()
+        .map(|c| c.name.chars().count());
+    let longest = names.max().unwrap_or(0);
+    let columns = (LEGEND_WIDTH / (50 + 7 * longest)).max(1);
+    // The expected slope has an entry as well.
+    (results.configurations.len() + 1).div_ceil(columns)
+}
+
 fn layout(
     measure: &Measure,
     abscissa: Abscissa,
     ranges: [[f64; 2]; 2],
     labels: Vec<Annotation>,
+    legend_lines: usize,
 ) -> Layout {
+    let bottom = X_TITLE + LEGEND_LINE * legend_lines;
     let axis = |title: &str, range: [f64; 2]| {
         Axis::new()
             .title(Title::with_text(title))
@@ -531,16 +550,17 @@ fn layout(
         y
     };
     Layout::new()
-        .height(HEIGHT)
-        .margin(Margin::new().left(60).right(RIGHT).top(TOP).bottom(BOTTOM))
+        .height(TOP + AXIS + bottom)
+        .margin(Margin::new().left(60).right(RIGHT).top(TOP).bottom(bottom))
         .x_axis(x)
         .y_axis(y)
         .hover_mode(HoverMode::Closest)
         .legend(
             Legend::new()
                 .orientation(Orientation::Horizontal)
+                .trace_group_gap(0)
                 .x(0.0)
-                .y(-0.17),
+                .y(-(X_TITLE as f64) / AXIS as f64),
         )
         .annotations(labels)
 }
