@@ -1,4 +1,6 @@
-//! Whether images are wrong on average: signed errors over their standard errors.
+//! Whether images are wrong on average: signed errors over their standard errors. An image that has too few samples to
+//! have seen a rare bright path is dark and says that it is certain. So its standard error is no smaller than as many samples
+//! would have that are like those of a rendered reference, which has far more of them.
 
 use super::errors::{BLOCK, ROUNDING, ReferenceImage, blocks};
 use super::results::{BiasTest, BiasVerdict};
@@ -24,8 +26,12 @@ pub(super) struct SignedErrors {
     variance: Vec<[f64; 3]>,
     /// Sum over the images of that variance squared over its degrees of freedom.
     variance_square: Vec<[f64; 3]>,
+    /// Sum over the images of 1 over their samples.
+    samples_inverse: Vec<f64>,
     /// Squared error of the reference, the same for all images.
     noise: Vec<[f64; 3]>,
+    /// Samples of the reference.
+    reference_samples: f64,
     /// Signed error that rounding to f32 explains.
     rounding: f64,
 }
@@ -39,7 +45,9 @@ impl SignedErrors {
             sum: Vec::with_capacity(film.len()),
             variance: Vec::with_capacity(film.len()),
             variance_square: Vec::with_capacity(film.len()),
+            samples_inverse: Vec::with_capacity(film.len()),
             noise: reference.noise.clone(),
+            reference_samples: reference.samples as f64,
             rounding: ROUNDING * reference.image_mean(),
         };
         for pixel in 0..film.len() {
@@ -51,6 +59,8 @@ impl SignedErrors {
             errors
                 .variance_square
                 .push(variance.map(|variance| variance * variance / freedom));
+            let samples = film.samples(pixel) as f64;
+            errors.samples_inverse.push(1.0 / samples);
         }
         Some(errors)
     }
@@ -68,26 +78,52 @@ impl SignedErrors {
                 *ours += theirs;
             }
         }
+        for (ours, theirs) in self.samples_inverse.iter_mut().zip(&other.samples_inverse) {
+            *ours += theirs;
+        }
     }
 
     /// Of the mean over these pixels in a channel: the signed error, its variance, and the degrees of
-    /// freedom of that variance (Welch and Satterthwaite).
+    /// freedom of that variance (Welch and Satterthwaite). The variance is the images' own estimate, or that from the
+    /// reference's if this is larger.
     fn over(&self, pixels: &[usize], channel: usize) -> (f64, f64, f64) {
-        let (mut sum, mut variance, mut square) = (0.0, 0.0, 0.0);
         let (images, n) = (self.images, pixels.len() as f64);
+        let (mut sum, mut own, mut expected) = (0.0, Variance::default(), Variance::default());
         for &pixel in pixels {
             let noise = self.noise[pixel][channel];
             sum += self.sum[pixel][channel] / images;
-            variance += self.variance[pixel][channel] / (images * images) + noise;
             // The reference's noise is the square of a single difference: one degree of freedom.
-            square += self.variance_square[pixel][channel] / images.powi(4) + noise * noise;
+            own.sum += self.variance[pixel][channel] / (images * images) + noise;
+            own.square += self.variance_square[pixel][channel] / images.powi(4) + noise * noise;
+            let times = self.reference_samples * self.samples_inverse[pixel] / (images * images);
+            let noise = noise * (times + 1.0);
+            expected.sum += noise;
+            expected.square += noise * noise;
         }
-        let freedom = if square > 0.0 {
-            variance * variance / square
+        let variance = if expected.sum > own.sum {
+            expected
+        } else {
+            own
+        };
+        (sum / n, variance.sum / (n * n), variance.freedom())
+    }
+}
+
+/// A sum of variances.
+#[derive(Debug, Clone, Copy, Default)]
+struct Variance {
+    sum: f64,
+    /// Sum of their squares over their degrees of freedom.
+    square: f64,
+}
+
+impl Variance {
+    fn freedom(self) -> f64 {
+        if self.square > 0.0 {
+            self.sum * self.sum / self.square
         } else {
             f64::INFINITY
-        };
-        (sum / n, variance / (n * n), freedom)
+        }
     }
 }
 

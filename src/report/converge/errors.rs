@@ -28,11 +28,13 @@ pub(super) struct ReferenceImage {
     /// An estimate of the squared error of each value of `mean`, right on average: 0 if exact. Of two
     /// halves it is the square of half their difference, and (x − r)² less it is (x − r₁)(x − r₂).
     pub(super) noise: Vec<[f64; 3]>,
+    /// Samples per pixel of both halves; 0 if exact or unknown.
+    pub(super) samples: u64,
 }
 
 impl ReferenceImage {
-    /// The mean of two independent halves.
-    pub(super) fn from_halves(width: u32, halves: [&[[f64; 3]]; 2]) -> Self {
+    /// The mean of two independent halves that have so many samples per pixel together.
+    pub(super) fn from_halves(width: u32, samples: u64, halves: [&[[f64; 3]]; 2]) -> Self {
         let both = || halves[0].iter().zip(halves[1]);
         let channels = |function: fn(f64, f64) -> f64| {
             both()
@@ -43,13 +45,19 @@ impl ReferenceImage {
             width,
             mean: channels(|a, b| 0.5 * (a + b)),
             noise: channels(|a, b| (0.5 * (a - b)).powi(2)),
+            samples,
         }
     }
 
     /// An image without error.
     pub(super) fn exact(width: u32, mean: Vec<[f64; 3]>) -> Self {
         let noise = vec![[0.0; 3]; mean.len()];
-        Self { width, mean, noise }
+        Self {
+            width,
+            mean,
+            noise,
+            samples: 0,
+        }
     }
 
     /// Mean over pixels and channels.

@@ -124,9 +124,12 @@ fn from_file(path: &Path, size: (u32, u32)) -> Result<(ReferenceImage, Reference
         );
         return Err(Error::file(path, message));
     }
+    let samples = exr.samples.and_then(|samples| samples.into_iter().min());
+    let samples = samples.map(u64::from);
     let mut image = ReferenceImage::exact(exr.width, doubles(&exr.mean));
     if let Some(variance) = &exr.variance {
         image.noise = doubles(variance);
+        image.samples = samples.unwrap_or(0);
     }
     if !(image.mean.iter().chain(&image.noise).flatten()).all(|value| value.is_finite()) {
         return Err(Error::file(path, "a pixel of the reference is not finite"));
@@ -135,10 +138,7 @@ fn from_file(path: &Path, size: (u32, u32)) -> Result<(ReferenceImage, Reference
         path: path.display().to_string(),
     };
     let mut report = ReferenceReport {
-        samples: exr
-            .samples
-            .and_then(|samples| samples.into_iter().min())
-            .map(u64::from),
+        samples,
         time: watch.span(),
         ..report(kind, &image)
     };
@@ -232,7 +232,8 @@ fn rendered(
             let [a, b] = &mut halves[..] else {
                 unreachable!("there are two halves");
             };
-            ReferenceImage::from_halves(width, [&means(a.film()), &means(b.film())])
+            let films = [&means(a.film())[..], &means(b.film())];
+            ReferenceImage::from_halves(width, 2 * samples, films)
         };
         let error = image.relative_error();
         tell(Event::Progress(&format!(
@@ -313,6 +314,7 @@ fn find(place: &Path, (width, height): (u32, u32)) -> Option<(ReferenceImage, Re
         *cached = true;
     }
     let halves = [doubles(&a.mean), doubles(&b.mean)];
-    let image = ReferenceImage::from_halves(width, [&halves[0], &halves[1]]);
+    let samples = report.samples.unwrap_or(0);
+    let image = ReferenceImage::from_halves(width, samples, [&halves[0], &halves[1]]);
     Some((image, report))
 }

@@ -214,7 +214,7 @@ fn noise_of_the_reference_bends_no_curve() {
     // The reference has no more samples than the last checkpoint.
     let block = gaussian(1.0, 0.5);
     let halves = [1, 2].map(|stream| means(&image(2048, stream, &block)));
-    let reference = ReferenceImage::from_halves(WIDTH, [&halves[0], &halves[1]]);
+    let reference = ReferenceImage::from_halves(WIDTH, 4096, [&halves[0], &halves[1]]);
     let naive = ReferenceImage::exact(WIDTH, reference.mean.clone());
     let slope = |reference: &ReferenceImage| {
         let repeats = repeats(4, 16, 8, [WIDTH, HEIGHT], reference, &block);
@@ -310,11 +310,9 @@ fn infinite_variance_is_told_by_the_slope() {
     );
 }
 
-#[test]
-fn rare_bright_samples_are_in_the_error_and_not_in_the_trimmed_one() {
-    // One sample in 10⁵ is 10⁴.
-    let (p, value) = (1e-5, 1e4);
-    let rare = |samples: u64, random: &mut Random| {
+/// Samples of 1, of which a share `p` is `value` brighter.
+fn rare(p: f64, value: f64) -> impl Fn(u64, &mut Random) -> f64 {
+    move |samples, random| {
         // Poisson by inversion.
         let limit = (-p * samples as f64).exp();
         let (mut product, mut count) = (random.uniform(), 0.0);
@@ -323,7 +321,37 @@ fn rare_bright_samples_are_in_the_error_and_not_in_the_trimmed_one() {
             count += 1.0;
         }
         samples as f64 + value * count
+    }
+}
+
+#[test]
+fn rare_paths_that_a_short_render_has_not_seen_are_no_bias_and_in_a_long_one_are() {
+    let rare = rare(1e-4, 1e4);
+    let halves = [1, 2].map(|stream| means(&image(16384, stream, &rare)));
+    let reference = ReferenceImage::from_halves(WIDTH, 2 * 16384, [&halves[0], &halves[1]]);
+    let unknown = ReferenceImage {
+        samples: 0,
+        ..reference.clone()
     };
+    let verdict_of = |film: &Film, reference: &ReferenceImage| {
+        verdict(SignedErrors::of(film, reference).as_ref(), Vec::new()).verdict
+    };
+    let mut misled = 0;
+    for stream in 3..13 {
+        let short = image(8, stream, &rare);
+        assert_eq!(verdict_of(&short, &reference), BiasVerdict::NotShown);
+        misled += u32::from(verdict_of(&short, &unknown) == BiasVerdict::Biased);
+    }
+    assert!(misled >= 5, "{misled} of 10");
+    let without = image(4096, 3, &|samples, _| samples as f64);
+    assert_eq!(verdict_of(&without, &reference), BiasVerdict::Biased);
+}
+
+#[test]
+fn rare_bright_samples_are_in_the_error_and_not_in_the_trimmed_one() {
+    // One sample in 10⁵ is 10⁴.
+    let (p, value) = (1e-5, 1e4);
+    let rare = rare(p, value);
     let reference = constant(1.0 + p * value, PIXELS, WIDTH);
     let repeats = repeats(6, 64, 9, [WIDTH, HEIGHT], &reference, &rare);
     let curves = Curves::new(&repeats, reference.floor());
