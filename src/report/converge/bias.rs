@@ -1,6 +1,7 @@
 //! Whether images are wrong on average: signed errors over their standard errors. An image that has too few samples to
 //! have seen a rare bright path is dark and says that it is certain. So its standard error is no smaller than as many samples
-//! would have that are like those of a rendered reference, which has far more of them.
+//! would have that are like those of a rendered reference, which has far more of them. An exact one has none, and nothing is
+//! said of few samples.
 
 use super::errors::{BLOCK, ROUNDING, ReferenceImage, blocks};
 use super::results::{BiasTest, BiasVerdict};
@@ -12,6 +13,9 @@ const BIASED_Z: f64 = 4.0;
 
 /// Probability, over all blocks, below which the worst block of pixels is biased.
 const BIASED_P: f64 = 0.001;
+
+/// Samples per pixel, over all images, below which nothing is said where the reference has none.
+const LEAST_SAMPLES: f64 = 16.0;
 
 /// Signed errors per pixel and channel, of one image or of the mean over several, with what is known about
 /// their variance.
@@ -81,6 +85,12 @@ impl SignedErrors {
         for (ours, theirs) in self.samples_inverse.iter_mut().zip(&other.samples_inverse) {
             *ours += theirs;
         }
+    }
+
+    /// Whether there is something to tell how noisy pixels are that have seen nothing.
+    fn tell(&self) -> bool {
+        let most = self.samples_inverse.iter().copied().fold(0.0, f64::max);
+        self.reference_samples > 0.0 || self.images * self.images >= LEAST_SAMPLES * most
     }
 
     /// Of the mean over these pixels in a channel: the signed error, its variance, and the degrees of
@@ -184,9 +194,9 @@ fn largest(errors: &SignedErrors, pixels: &[usize]) -> (f64, f64) {
         .expect("there are three channels")
 }
 
-/// The verdict over all repeats of a configuration; `errors` is `None` below two blocks.
+/// The verdict over all repeats of a configuration; `errors` is `None` below two blocks of one of them.
 pub(super) fn verdict(errors: Option<&SignedErrors>, by_design: Vec<String>) -> BiasTest {
-    let Some(errors) = errors else {
+    let Some(errors) = errors.filter(|errors| errors.tell()) else {
         return BiasTest {
             verdict: BiasVerdict::Untested,
             mean_error: 0.0,

@@ -63,7 +63,8 @@ const DEFINITIONS: [(&str, &str, &str); 22] = [
         "bias_z",
         "",
         "mean of x − r over its standard error from estimated variance and reference, in the channel where \
-         it is largest; an error that rounding to f32 explains (1e-5 of the mean) is taken off",
+         it is largest; the variance is no less than that of as many of a rendered reference's samples, since few samples may \
+         not have seen rare bright paths; an error that rounding to f32 explains (1e-5 of the mean) is taken off",
     ),
     (
         "block_p",
@@ -74,7 +75,8 @@ const DEFINITIONS: [(&str, &str, &str); 22] = [
     (
         "bias",
         "",
-        "the same test on all repeats together at their ends: biased if |z| > 4 or block_p < 0.001",
+        "the same test on all repeats together at their ends: biased if |z| > 4 or block_p < 0.001; untested below \
+         two blocks, and below 16 samples per pixel where the reference has no samples",
     ),
     (
         "outliers",

@@ -372,7 +372,7 @@ pub enum BiasVerdict {
     Biased,
     /// No bias was shown.
     NotShown,
-    /// There are too few blocks of samples for a test.
+    /// There are too few samples for a test.
     Untested,
 }
 

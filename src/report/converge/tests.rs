@@ -338,11 +338,15 @@ fn rare_paths_that_a_short_render_has_not_seen_are_no_bias_and_in_a_long_one_are
     };
     let mut misled = 0;
     for stream in 3..13 {
-        let short = image(8, stream, &rare);
+        let short = image(16, stream, &rare);
         assert_eq!(verdict_of(&short, &reference), BiasVerdict::NotShown);
         misled += u32::from(verdict_of(&short, &unknown) == BiasVerdict::Biased);
     }
     assert!(misled >= 5, "{misled} of 10");
+    assert_eq!(
+        verdict_of(&image(8, 3, &rare), &unknown),
+        BiasVerdict::Untested
+    );
     let without = image(4096, 3, &|samples, _| samples as f64);
     assert_eq!(verdict_of(&without, &reference), BiasVerdict::Biased);
 }
