@@ -23,9 +23,9 @@ pub(super) const GROUP: usize = 64;
 /// Vectors of lanes in a group.
 const VECTORS: usize = GROUP / LANES;
 
-/// Rays leave a group of [`GROUP`] where no more than this many enter a subtree, smaller groups in proportion. As many
-/// times as many camera rays per CPU second as with 2, 8 and 16: dragon, whose triangles are smaller than pixels, 1.05,
-/// 1.04, 0.99; hairball 1.02, 0.99, 1.03; Sponza 0.99, 1.00, 1.03; bunny 0.95, 0.95, 1.05.
+/// Rays leave a group of [`GROUP`] where no more than this many enter a subtree, smaller groups in proportion. Camera
+/// rays per CPU second over those with 2, 8 and 16: dragon, whose triangles are smaller than pixels, 1.05, 1.04, 0.99;
+/// hairball 1.02, 0.99, 1.03; Sponza 0.99, 1.00, 1.03; bunny 0.95, 0.95, 1.05.
 const FEW: u32 = 12;
 /// Rays that make a group.
 const LEAST: u32 = 3;

@@ -13,6 +13,10 @@
 //! of what it has seen; stopping all tiles together, as a time or an error goal does, is the same small
 //! matter that it is for uniform sampling.
 //!
+//! Where the difference of the halves tells the variance ([`Parts::Replicates`](crate::film::Parts::Replicates)), it leaves out
+//! their covariance. That is the square of the covariance between the mean of a half's floor and what the other half makes of
+//! it, the floor's share of its samples; as a pixel moves that of its whole tile by little, it is small.
+//!
 //! # How many
 //!
 //! The error to be lowered is the image's relative one. Σ V_t/n_t, V_t the sum over the pixels of tile t

@@ -63,8 +63,9 @@ impl SignedErrors {
             errors
                 .variance_square
                 .push(variance.map(|variance| variance * variance / freedom));
-            let samples = film.samples(pixel) as f64;
-            errors.samples_inverse.push(1.0 / samples);
+            errors
+                .samples_inverse
+                .push(1.0 / film.samples(pixel) as f64);
         }
         Some(errors)
     }
@@ -87,8 +88,8 @@ impl SignedErrors {
         }
     }
 
-    /// Whether there is something to tell how noisy pixels are that have seen nothing.
-    fn tell(&self) -> bool {
+    /// Whether they are of enough samples, or the reference says how noisy pixels are that have seen nothing.
+    fn suffice(&self) -> bool {
         let most = self.samples_inverse.iter().copied().fold(0.0, f64::max);
         self.reference_samples > 0.0 || self.images * self.images >= LEAST_SAMPLES * most
     }
@@ -106,9 +107,9 @@ impl SignedErrors {
             own.sum += self.variance[pixel][channel] / (images * images) + noise;
             own.square += self.variance_square[pixel][channel] / images.powi(4) + noise * noise;
             let times = self.reference_samples * self.samples_inverse[pixel] / (images * images);
-            let noise = noise * (times + 1.0);
-            expected.sum += noise;
-            expected.square += noise * noise;
+            let both = noise * (times + 1.0);
+            expected.sum += both;
+            expected.square += both * both;
         }
         let variance = if expected.sum > own.sum {
             expected
@@ -196,7 +197,7 @@ fn largest(errors: &SignedErrors, pixels: &[usize]) -> (f64, f64) {
 
 /// The verdict over all repeats of a configuration; `errors` is `None` below two blocks of one of them.
 pub(super) fn verdict(errors: Option<&SignedErrors>, by_design: Vec<String>) -> BiasTest {
-    let Some(errors) = errors.filter(|errors| errors.tell()) else {
+    let Some(errors) = errors.filter(|errors| errors.suffice()) else {
         return BiasTest {
             verdict: BiasVerdict::Untested,
             mean_error: 0.0,

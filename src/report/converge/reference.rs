@@ -247,7 +247,7 @@ fn rendered(
     };
     let kind = ReferenceKind::Rendered { key, cached: false };
     let report = ReferenceReport {
-        samples: Some(halves.iter().map(Session::samples).sum()),
+        samples: Some(image.samples),
         seeds: seeds.to_vec(),
         time: watch.span(),
         ..report(kind, &image)
