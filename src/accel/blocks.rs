@@ -153,10 +153,10 @@ impl Blocks {
     #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
     #[inline(always)]
     pub(super) unsafe fn node_unchecked(&self, reference: u32) -> &Node {
-        let first = reference as usize / (LINE / UNIT);
-        debug_assert!(first + NODE_LINES <= self.lines.len());
-        // SAFETY: nodes lie within the lines, and a node is as many lines of the same alignment.
-        unsafe { &*self.lines.as_ptr().add(first).cast::<Node>() }
+        let words: &[f32] = bytemuck::cast_slice(&self.lines);
+        debug_assert!(first_word(reference) + NODE_LINES * LINE <= words.len());
+        // SAFETY: nodes lie within the lines at whole lines, and a node is as many lines of the same alignment.
+        unsafe { &*words.as_ptr().add(first_word(reference)).cast::<Node>() }
     }
 
     /// As [`Self::leaf`], unchecked.
@@ -167,9 +167,8 @@ impl Blocks {
     #[inline(always)]
     pub(super) unsafe fn leaf_unchecked(&self, reference: u32) -> Leaf<'_> {
         let words: &[f32] = bytemuck::cast_slice(&self.lines);
-        let first = (reference & !LEAF) as usize * UNIT;
         // SAFETY: leaves lie within the words, and a line follows the last.
-        let words = unsafe { words.get_unchecked(first..) };
+        let words = unsafe { words.get_unchecked(first_word(reference)..) };
         // SAFETY: as before.
         let (header, words) = unsafe { (*words.get_unchecked(0), words.get_unchecked(1..)) };
         Leaf::new(header, words)
@@ -179,7 +178,7 @@ impl Blocks {
     #[inline(always)]
     pub(super) fn leaf(&self, reference: u32) -> Leaf<'_> {
         let words: &[f32] = bytemuck::cast_slice(&self.lines);
-        let words = &words[(reference & !LEAF) as usize * UNIT..];
+        let words = &words[first_word(reference)..];
         let leaf = Leaf::new(words[0], &words[1..]);
         assert!(TRIANGLE_WORDS * leaf.triangles + LEAF_SIZE <= leaf.words.len());
         leaf
@@ -189,11 +188,17 @@ impl Blocks {
     #[inline(always)]
     pub(super) fn prefetch(&self, reference: u32) {
         let words: &[f32] = bytemuck::cast_slice(&self.lines);
-        let first = (reference & !LEAF) as usize * UNIT;
         for line in 0..NODE_LINES {
-            crate::math::prefetch(words, first + line * LINE);
+            crate::math::prefetch(words, first_word(reference) + line * LINE);
         }
     }
+}
+
+/// Where the words of what is referred to begin.
+#[inline(always)]
+fn first_word(reference: u32) -> usize {
+    // One shift drops the bit of leaves; the rest is up to the machine's addressing.
+    (reference << 1) as usize * (UNIT / 2)
 }
 
 impl<'a> Leaf<'a> {
@@ -210,13 +215,16 @@ impl<'a> Leaf<'a> {
     }
 
     /// Row `first + more` of the triangles, anything in lanes without one. The ids are row 0.
+    ///
+    /// # Safety
+    /// There are [`TRIANGLE_WORDS`] rows.
+    #[expect(
+        unsafe_code,
+        reason = "checks of nine rows take as long as their reading"
+    )]
     #[inline(always)]
-    fn words(&self, first: usize, more: usize) -> f32x8 {
-        #![expect(
-            unsafe_code,
-            reason = "checks of nine rows take as long as their reading"
-        )]
-        assert!(first + more < TRIANGLE_WORDS);
+    unsafe fn words(&self, first: usize, more: usize) -> f32x8 {
+        debug_assert!(first + more < TRIANGLE_WORDS);
         // SAFETY: a vector after the last row is within `words`, and so is one within a row.
         unsafe {
             let row = self.words.as_ptr().add(first * self.triangles);
@@ -226,10 +234,36 @@ impl<'a> Leaf<'a> {
         }
     }
 
+    /// The row of the first corner's coordinate along an axis; those of the other corners follow it.
+    pub(super) const fn first_row(axis: usize) -> usize {
+        1 + 3 * axis
+    }
+
     /// A coordinate of the triangles' corners; anything in lanes without a triangle.
+    #[expect(
+        unsafe_code,
+        reason = "checks of nine rows take as long as their reading"
+    )]
     #[inline(always)]
     pub(super) fn row(&self, axis: usize, corner: usize) -> f32x8 {
-        self.words(1 + 3 * axis, corner)
+        assert!(axis < 3 && corner < 3);
+        // SAFETY: so many rows there are.
+        unsafe { self.row_from(Self::first_row(axis), corner) }
+    }
+
+    /// As [`Self::row`], along the axis of a [`Self::first_row`].
+    ///
+    /// # Safety
+    /// `first` is that of an axis, and there are three corners.
+    #[expect(
+        unsafe_code,
+        reason = "checks of nine rows take as long as their reading"
+    )]
+    #[inline(always)]
+    pub(super) unsafe fn row_from(&self, first: usize, corner: usize) -> f32x8 {
+        debug_assert!((0..3).any(|axis| first == Self::first_row(axis)) && corner < 3);
+        // SAFETY: by this function's condition.
+        unsafe { self.words(first, corner) }
     }
 
     /// Which lanes have a triangle.
@@ -238,15 +272,15 @@ impl<'a> Leaf<'a> {
         Mask(((1u32 << (self.triangles as u32 & 31)) - 1) as u16)
     }
 
-    /// All coordinates: corner by corner, axis by axis.
-    pub(super) fn all_rows(&self) -> [[f32x8; 3]; 3] {
-        [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| self.row(axis, corner)))
-    }
-
     /// Ids of the triangles.
+    #[expect(
+        unsafe_code,
+        reason = "checks of nine rows take as long as their reading"
+    )]
     #[inline(always)]
     pub(super) fn ids(&self) -> [u32; LEAF_SIZE] {
-        bytemuck::cast(self.words(0, 0))
+        // SAFETY: the first row there is.
+        bytemuck::cast(unsafe { self.words(0, 0) })
     }
 
     /// Id of one triangle.

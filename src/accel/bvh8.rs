@@ -97,8 +97,18 @@ impl Query for Closest<'_> {
     const ANY: bool = false;
 
     #[inline(always)]
-    fn ends(&self, _: U32s) -> (F32s, U32s) {
-        (F32s::splat(f32::INFINITY), U32s::splat(PrimitiveId::NONE))
+    fn ends(&self, _: U32s) -> F32s {
+        F32s::splat(f32::INFINITY)
+    }
+
+    #[inline(always)]
+    fn targets(&self, _: U32s) -> U32s {
+        U32s::splat(PrimitiveId::NONE)
+    }
+
+    #[inline(always)]
+    fn target(&self, _: usize) -> u32 {
+        PrimitiveId::NONE
     }
 
     #[inline(always)]
@@ -125,8 +135,18 @@ impl Query for Occluded<'_> {
     const ANY: bool = true;
 
     #[inline(always)]
-    fn ends(&self, ray: U32s) -> (F32s, U32s) {
-        (gather(self.t_max, ray), gather_u32(self.target, ray))
+    fn ends(&self, ray: U32s) -> F32s {
+        gather(self.t_max, ray)
+    }
+
+    #[inline(always)]
+    fn targets(&self, ray: U32s) -> U32s {
+        gather_u32(self.target, ray)
+    }
+
+    #[inline(always)]
+    fn target(&self, ray: usize) -> u32 {
+        self.target[ray]
     }
 
     #[inline(always)]

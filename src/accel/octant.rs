@@ -97,15 +97,9 @@ impl Node {
     }
 }
 
-/// The slot of the nearest child in an order; any slot if there is none.
-#[inline(always)]
-pub(super) fn nearest(order: u64) -> usize {
-    (order >> (8 * NEAREST)) as usize % WIDTH
-}
-
 /// The lanes of `values` that `order` names.
 #[inline(always)]
-pub(super) fn permute(values: f32x8, order: u64) -> f32x8 {
+pub(super) fn permute(values: f32x8, order: &u64) -> f32x8 {
     imp::permute(values, order)
 }
 
@@ -118,10 +112,10 @@ mod imp {
     use super::f32x8;
 
     #[inline(always)]
-    pub(super) fn permute(values: f32x8, order: u64) -> f32x8 {
-        // SAFETY: these instructions touch registers only; avx2 is enabled by this module's `cfg`.
+    pub(super) fn permute(values: f32x8, order: &u64) -> f32x8 {
+        // SAFETY: eight bytes are read, those of `order`; avx2 is enabled by this module's `cfg`.
         unsafe {
-            let lanes = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(order as i64));
+            let lanes = _mm256_cvtepu8_epi32(_mm_loadl_epi64(std::ptr::from_ref(order).cast()));
             _mm256_permutevar8x32_ps(values.into(), lanes).into()
         }
     }
@@ -132,7 +126,7 @@ mod imp {
     use super::{WIDTH, f32x8};
 
     #[inline(always)]
-    pub(super) fn permute(values: f32x8, order: u64) -> f32x8 {
+    pub(super) fn permute(values: f32x8, order: &u64) -> f32x8 {
         let values = values.to_array();
         f32x8::from(
             order
@@ -154,10 +148,9 @@ mod tests {
                     .filter(|slot| mask >> slot & 1 != 0)
                     .collect::<Vec<_>>();
                 slots.sort_by_key(|slot| std::cmp::Reverse(slot ^ octant));
-                assert_eq!(slots.pop(), Some(nearest(order)));
-                for (lane, slot) in slots.into_iter().enumerate() {
-                    assert_eq!(usize::from(order.to_le_bytes()[lane]), slot);
-                }
+                let order = order.to_le_bytes().map(usize::from);
+                assert_eq!(slots.pop(), Some(order[NEAREST]));
+                assert_eq!(slots, order[..slots.len()]);
             }
         }
     }
@@ -168,7 +161,7 @@ mod tests {
         let order = [7, 7, 0, 3, 2, 1, 6, 4];
         let expected = order.map(f32::from);
         assert_eq!(
-            permute(values, u64::from_le_bytes(order)).to_array(),
+            permute(values, &u64::from_le_bytes(order)).to_array(),
             expected
         );
     }

@@ -14,7 +14,7 @@ use super::stream::Query;
 use crate::geometry::PrimitiveId;
 use crate::geometry::slab::FAR_PADDING;
 use crate::geometry::sphere::sphere_distance;
-use crate::geometry::triangle::{ShearRay, ShearRays, shear_lanes};
+use crate::geometry::triangle::{FramedRay, ShearRays, shear_lanes};
 use crate::math::lanes::{Compare, F32s, FloatLanes, LANES, Mask, U32s};
 use crate::math::vec3::Vec3s;
 
@@ -82,6 +82,7 @@ pub(super) struct Group {
     pub(super) largest: ColumnU32,
     /// As from [`shear_lanes`].
     pub(super) shear: [Column; 3],
+    /// Primitives that do not count, of rays that descend.
     pub(super) skip: ColumnU32,
     pub(super) target: ColumnU32,
     /// Closest hits so far, or ends of the rays; negative where any hit was enough.
@@ -100,8 +101,7 @@ impl Group {
         vector: usize,
         ray: U32s,
         [origin, direction]: [[F32s; 3]; 2],
-        skip: U32s,
-        (t, target): (F32s, U32s),
+        t: F32s,
     ) {
         let one = F32s::splat(1.0);
         let [x, y, z] = direction;
@@ -114,8 +114,6 @@ impl Group {
         }
         let place = is_z.select_u32(U32s::splat(2), U32s::splat(0));
         self.largest[vector] = is_y.select_u32(U32s::splat(1), place);
-        self.skip[vector] = skip;
-        self.target[vector] = target;
         self.t[vector] = t;
         self.primitive[vector] = U32s::splat(PrimitiveId::NONE);
         self.ray[vector] = ray;
@@ -125,12 +123,6 @@ impl Group {
     #[inline(always)]
     pub(super) fn at(&self, column: &Column, ray: usize) -> f32 {
         bytemuck::cast_slice::<F32s, f32>(column)[ray]
-    }
-
-    /// As [`Self::at`].
-    #[inline(always)]
-    pub(super) fn at_u32(&self, column: &ColumnU32, ray: usize) -> u32 {
-        bytemuck::cast_slice::<U32s, u32>(column)[ray]
     }
 
     /// Prepares all rays for triangle tests along these axes.
@@ -237,7 +229,7 @@ impl Group {
         // All triangles against a ray take about as long as a triangle against a vector of rays.
         if (rays.count_ones() as usize) < meets.count() * vectors {
             for ray in each(rays) {
-                met = met | self.meet_alone::<Q>(leaf, bundle.axes[2], ray, meets);
+                met = met | self.meet_alone::<Q>(leaf, bundle.axes, ray, meets);
             }
         } else {
             for index in meets.lanes() {
@@ -279,17 +271,17 @@ impl Group {
     fn meet_alone<Q: Query>(
         &mut self,
         leaf: &Leaf<'_>,
-        axis: usize,
+        axes: [usize; 3],
         ray: usize,
         triangles: Mask,
     ) -> Mask {
-        let at = |columns: &[Column; 3]| columns.each_ref().map(|column| self.at(column, ray));
-        let sheared = ShearRay::from_parts(at(&self.origin), axis, at(&self.shear));
-        let (hits, t) = sheared.intersect_rows(
-            |axis, corner| leaf.row(axis, corner),
-            triangles,
-            || leaf.all_rows(),
-        );
+        let [u, v, _] = &self.shear;
+        let framed = FramedRay {
+            origin: axes.map(|axis| self.at(&self.origin[axis], ray)),
+            shear: [self.at(u, ray), self.at(v, ray)],
+            back: -self.at(&self.reciprocal[axes[2]], ray),
+        };
+        let (hits, t) = framed.intersect(|k, corner| leaf.row(axes[k], corner), triangles);
         if hits.none() {
             return Mask::NONE;
         }
@@ -677,8 +669,7 @@ mod tests {
         let forward = around([0.0, 0.0, 1.0], 1.0).map(|x| x.as_array()[0]);
         let rays = [around(middle, spread), around(forward, spread)];
         let mut group = Group::default();
-        let none = U32s::splat(PrimitiveId::NONE);
-        group.set(0, iota(), rays, none, (F32s::splat(f32::INFINITY), none));
+        group.set(0, iota(), rays, F32s::splat(f32::INFINITY));
         group.shear([0, 1, 2]);
         group
     }

@@ -9,15 +9,15 @@ use std::ops::Range;
 
 use wide::f32x8;
 
-use super::blocks::{Blocks, DONE, LEAF, LEAF_SIZE, Node};
+use super::blocks::{Blocks, DONE, LEAF, LEAF_SIZE, Leaf, Node};
 use super::collapse::WIDTH;
-use super::octant::{OCTANTS, ORDER, nearest, permute};
+use super::octant::{NEAREST, OCTANTS, ORDER, permute};
 use super::packet::{self, GROUP, Group, Rays, lanes_of, rays_of};
 use super::{AccelCounters, RayBatch};
 use crate::geometry::PrimitiveId;
 use crate::geometry::slab::FAR_PADDING;
 use crate::geometry::sphere::sphere_distance;
-use crate::geometry::triangle::ShearRay;
+use crate::geometry::triangle::FramedRay;
 use crate::math::lanes::{
     Compare, F32s, FloatLanes, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, iota,
     load, load_u32, padded, store_u32, to_bits,
@@ -44,8 +44,14 @@ pub(super) trait Query {
     /// Any hit ends a ray.
     const ANY: bool;
 
-    /// Per lane where the ray ends, and the primitive that does not count.
-    fn ends(&self, ray: U32s) -> (F32s, U32s);
+    /// Per lane where the ray ends.
+    fn ends(&self, ray: U32s) -> F32s;
+
+    /// Per lane the primitive that does not count.
+    fn targets(&self, ray: U32s) -> U32s;
+
+    /// The primitive that does not count for a ray.
+    fn target(&self, ray: usize) -> u32;
 
     /// Takes a ray's answer: the closest hit, or any primitive where [`Self::ANY`].
     fn finish(&mut self, ray: usize, t: f32, primitive: u32);
@@ -80,27 +86,67 @@ thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
-/// A ray in flight.
-#[derive(Debug, Clone, Copy)]
+/// A ray in flight, one cache line. Axes are those of [`FramedRay`].
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 struct Flight {
-    /// −1/d.
-    reciprocal: [f32; 3],
-    /// Per axis where in a node the near planes are, in bytes.
-    near: [u32; 3],
-    /// Where the orders begin in [`ORDER`] in which it visits children.
-    orders: u32,
-    shear: ShearRay,
+    framed: FramedRay,
+    /// −1/d along x and y; the frame's ray has that along z.
+    reciprocal: [f32; 2],
     /// Closest hit so far, or the end of the ray.
     t: f32,
     primitive: u32,
-    skip: u32,
-    target: u32,
     ray: u32,
-    /// Node or leaf to visit next.
-    current: u32,
+    frame: Frame,
+    unused: [u32; 2],
     /// Place in the stacks after the last entry.
     top: u32,
+}
+
+/// Bytes from a flight to the next. A flight's place is told in bytes from the first on.
+const FLIGHT: u32 = size_of::<Flight>() as u32;
+
+/// Number of the flight at a place.
+#[inline(always)]
+fn slot_of(place: u32) -> usize {
+    (place / FLIGHT) as usize % IN_FLIGHT
+}
+
+/// How a flight reads nodes and leaves. Axes are those of [`FramedRay`].
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct Frame {
+    /// Per axis where in a node the near planes are, in bytes.
+    near: [u8; 3],
+    /// Per axis the first row of a leaf.
+    rows: [u8; 3],
+    /// Where the orders begin in [`ORDER`] in which it visits children.
+    orders: u16,
+}
+
+impl Frame {
+    /// Of rays of an octant whose directions are largest along `axis`, which visit children in the order of another
+    /// octant.
+    fn new(octant: usize, order: usize, axis: usize) -> Self {
+        let axes = [(axis + 1) % 3, (axis + 2) % 3, axis];
+        Self {
+            near: axes.map(|axis| Node::NEAR[octant][axis] as u8),
+            rows: axes.map(|axis| Leaf::first_row(axis) as u8),
+            orders: (order << WIDTH) as u16,
+        }
+    }
+
+    /// A coordinate of the corners of a leaf's triangles along axis k.
+    #[expect(
+        unsafe_code,
+        reason = "checks of nine rows take as long as their reading"
+    )]
+    #[inline(always)]
+    fn row(&self, leaf: &Leaf<'_>, k: usize, corner: usize) -> f32x8 {
+        assert!(corner < 3);
+        // SAFETY: these are rows of axes, by `new`.
+        unsafe { leaf.row_from(usize::from(self.rows[k]), corner) }
+    }
 }
 
 /// Memory of a worker.
@@ -118,12 +164,14 @@ struct Scratch {
     order: Vec<u32>,
     packet: packet::Scratch,
     group: Group,
+    /// Rays of the group as flights at no place yet.
+    ready: [Flight; GROUP],
 }
 
 impl Default for Scratch {
     fn default() -> Self {
         Self {
-            flights: [Flight::NONE; IN_FLIGHT],
+            flights: [bytemuck::Zeroable::zeroed(); IN_FLIGHT],
             stack_t: Vec::new(),
             stack: Vec::new(),
             stride: 0,
@@ -131,6 +179,7 @@ impl Default for Scratch {
             order: Vec::new(),
             packet: packet::Scratch::default(),
             group: Group::default(),
+            ready: [bytemuck::Zeroable::zeroed(); GROUP],
         }
     }
 }
@@ -290,107 +339,137 @@ fn octant_of(rays: &RayBatch<'_>, at: usize) -> U32s {
     sound.select_u32(sign(0) | sign(1) | sign(2), U32s::splat(OCTANTS as u32))
 }
 
-impl Flight {
-    const NONE: Self = Self {
-        reciprocal: [0.0; 3],
-        near: [0; 3],
-        orders: 0,
-        shear: ShearRay::NONE,
-        t: 0.0,
-        primitive: PrimitiveId::NONE,
-        skip: PrimitiveId::NONE,
-        target: PrimitiveId::NONE,
-        ray: 0,
-        current: DONE,
-        top: 0,
+/// Makes flights of the rays of a vector of the group, whose directions are of `octant`; they are at no place yet.
+///
+/// Where any hit ends a ray, it looks from its far end on: surfaces next to where it starts are met at grazing
+/// angles, cost visits and seldom stop it. In shadow rays per CPU second: dragon 1.04 (7 % fewer nodes), Suzanne 1.04,
+/// Sponza 1.02, bunny, hairball and teapot 1.01.
+#[inline(always)]
+fn make_flights<Q: Query>(
+    group: &Group,
+    octant: usize,
+    vector: usize,
+    flights: &mut [Flight; GROUP],
+) {
+    let opposite = if Q::ANY { OCTANTS - 1 } else { 0 };
+    let largest = group.largest[vector];
+    let (is_x, is_y) = (largest.eq(U32s::splat(0)), largest.eq(U32s::splat(1)));
+    let framed = |columns: &[packet::Column; 3]| {
+        let [x, y, z] = columns.each_ref().map(|column| column[vector]);
+        let pick = |[a, b, c]: [F32s; 3]| is_x.select(a, is_y.select(b, c));
+        [pick([y, z, x]), pick([z, x, y]), pick([x, y, z])]
     };
-
-    /// The flight of a ray of the group, whose direction is of `octant`, at no place yet.
-    ///
-    /// Where any hit ends a ray, it looks from its far end on: surfaces next to where it starts are met at grazing
-    /// angles, cost visits and seldom stop it. In shadow rays per CPU second: dragon 1.04 (7 % fewer nodes), Suzanne 1.04,
-    /// Sponza 1.02, bunny, hairball and teapot 1.01.
-    #[inline(always)]
-    fn new<Q: Query>(group: &Group, octant: usize, ray: usize) -> Self {
-        let at =
-            |columns: &[packet::Column; 3]| columns.each_ref().map(|column| group.at(column, ray));
-        let largest = group.at_u32(&group.largest, ray) as usize;
-        let opposite = if Q::ANY { OCTANTS - 1 } else { 0 };
-        Self {
-            reciprocal: at(&group.reciprocal).map(|r| -r),
-            near: Node::NEAR[octant],
-            orders: ((octant ^ opposite) << WIDTH) as u32,
-            shear: ShearRay::from_parts(at(&group.origin), largest, at(&group.shear)),
-            t: group.at(&group.t, ray),
-            primitive: group.at_u32(&group.primitive, ray),
-            skip: group.at_u32(&group.skip, ray),
-            target: group.at_u32(&group.target, ray),
-            ray: group.at_u32(&group.ray, ray),
-            ..Self::NONE
+    let [ox, oy, oz] = framed(&group.origin);
+    let [rx, ry, rz] = framed(&group.reciprocal).map(|r| -r);
+    let [sx, sy, _] = group.shear.each_ref().map(|column| column[vector]);
+    let frames: [[u32; 2]; 3] =
+        [0, 1, 2].map(|axis| bytemuck::cast(Frame::new(octant, octant ^ opposite, axis)));
+    let frame = |word: usize| {
+        let [x, y, z] = frames.map(|words| U32s::splat(words[word]));
+        is_x.select_u32(x, is_y.select_u32(y, z))
+    };
+    let [primitive, ray, frame_low, frame_high] = [
+        group.primitive[vector],
+        group.ray[vector],
+        frame(0),
+        frame(1),
+    ]
+    .map(bytemuck::cast::<U32s, F32s>);
+    let (t, none) = (group.t[vector], F32s::splat(0.0));
+    // In the order of the fields.
+    let columns: [F32s; 16] = [
+        ox, oy, oz, sx, sy, rz, rx, ry, t, primitive, ray, frame_low, frame_high, none, none, none,
+    ];
+    const PARTS: usize = LANES / 8;
+    let columns: [[f32x8; PARTS]; 16] = bytemuck::cast(columns);
+    let flights = flights[vector * LANES..][..LANES].as_chunks_mut::<8>().0;
+    for (part, flights) in flights.iter_mut().enumerate() {
+        let [low, high] = [0, 8].map(|first| {
+            f32x8::transpose([0, 1, 2, 3, 4, 5, 6, 7].map(|k| columns[first + k][part]))
+        });
+        let flights: &mut [[f32x8; 2]; 8] = bytemuck::cast_mut(flights);
+        for k in 0..8 {
+            flights[k] = [low[k], high[k]];
         }
     }
 }
 
-/// Flights by what they do next.
-struct Lists {
-    nodes: List,
-    leaves: List,
-    /// Flights at leaves in which they may hit something.
-    hits: List,
-    /// Flights whose rays have their answers.
-    done: List,
-}
-
-/// Numbers of flights, with room for one more vector of lanes.
+/// Flights that do the same next, with room for one more vector of lanes.
+#[derive(Clone, Copy)]
 struct List {
+    /// Places of the flights.
     flights: [u32; IN_FLIGHT + LANES],
+    /// Nodes or leaves at which they are.
+    current: [u32; IN_FLIGHT + LANES],
     len: usize,
 }
 
 impl List {
     const EMPTY: Self = Self {
         flights: [0; IN_FLIGHT + LANES],
+        current: [0; IN_FLIGHT + LANES],
         len: 0,
     };
 
     #[inline(always)]
-    fn append(&mut self, mask: Mask, flights: U32s) {
+    fn push(&mut self, flight: u32, current: u32) {
+        self.flights[self.len] = flight;
+        self.current[self.len] = current;
+        self.len += 1;
+    }
+
+    #[inline(always)]
+    fn append(&mut self, mask: Mask, flights: U32s, current: U32s) {
         compress_u32(&mut self.flights, self.len, mask, flights);
+        compress_u32(&mut self.current, self.len, mask, current);
         self.len += mask.count();
     }
 
-    /// Moves all that is in it to `flights`; how many.
+    /// Flights and where they are, with room for where each goes.
     #[inline(always)]
-    fn take(&mut self, flights: &mut [u32; IN_FLIGHT + LANES]) -> usize {
-        let count = std::mem::take(&mut self.len);
-        for at in (0..count).step_by(LANES) {
-            store_u32(flights, at, load_u32(&self.flights, at));
-        }
-        count
+    fn each<'a>(&'a self, next: &'a mut Next) -> impl Iterator<Item = (u32, u32, &'a mut u32)> {
+        let flights = &self.flights[..self.len.min(IN_FLIGHT)];
+        let current = flights.iter().zip(&self.current);
+        let each = current.zip(next);
+        each.map(|((&flight, &current), next)| (flight, current, next))
     }
 }
 
-impl Lists {
-    const EMPTY: Self = Self {
-        nodes: List::EMPTY,
-        leaves: List::EMPTY,
-        hits: List::EMPTY,
-        done: List::EMPTY,
-    };
+/// Where the flights of a list go.
+type Next = [u32; IN_FLIGHT + LANES];
 
-    /// Appends the first `count` of `flights` by the references that they go to `next`.
+/// Flights by what they do next.
+struct Lists([List; 4]);
+
+const NODES: usize = 0;
+const LEAVES: usize = 1;
+/// Flights at leaves in which they may hit something.
+const HITS: usize = 2;
+/// Flights whose rays have their answers.
+const ENDED: usize = 3;
+
+impl Lists {
+    /// Moves the flights of a list to where they go.
     #[inline(always)]
-    fn distribute(&mut self, flights: &[u32], next: &[u32], count: usize) {
+    fn distribute<const FROM: usize>(&mut self, next: &Next) {
+        let count = std::mem::take(&mut self.0[FROM].len);
         for at in (0..count).step_by(LANES) {
             let valid = Mask::first(count - at);
-            let (flights, next) = (load_u32(flights, at), load_u32(next, at));
+            let flights = load_u32(&self.0[FROM].flights, at);
+            let current = load_u32(&self.0[FROM].current, at);
+            let next = load_u32(next, at);
             let node = next.lt(U32s::splat(LEAF)) & valid;
-            let done = next.eq(U32s::splat(DONE)) & valid;
-            let hit = next.eq(U32s::splat(MAY_HIT)) & valid;
-            self.nodes.append(node, flights);
-            self.done.append(done, flights);
-            self.hits.append(hit, flights);
-            self.leaves.append(valid & !(node | done | hit), flights);
+            let ended = next.eq(U32s::splat(DONE)) & valid;
+            let mut leaf = valid & !(node | ended);
+            // What is written of this list itself has been read.
+            if FROM == LEAVES {
+                let hit = next.eq(U32s::splat(MAY_HIT)) & valid;
+                self.0[HITS].append(hit, flights, current);
+                leaf = leaf & !hit;
+            }
+            self.0[NODES].append(node, flights, next);
+            self.0[LEAVES].append(leaf, flights, next);
+            self.0[ENDED].append(ended, flights, next);
         }
     }
 }
@@ -404,7 +483,7 @@ struct Traversal<'a, 'b, const SPHERES: bool, Q> {
     counters: &'a mut AccelCounters,
     scratch: &'a mut Scratch,
     lists: Lists,
-    /// Flights without a ray.
+    /// Places of flights without a ray.
     free: [u32; IN_FLIGHT],
     free_len: usize,
     /// Octant of the rays of the group at hand.
@@ -413,6 +492,8 @@ struct Traversal<'a, 'b, const SPHERES: bool, Q> {
     alone: Rays,
     /// Rays of the group at hand that have descended together.
     descended: Rays,
+    /// Vectors of the group that are [`Scratch::ready`], or that nothing is left of.
+    ready: usize,
 }
 
 impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
@@ -431,19 +512,18 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
             query,
             counters,
             scratch,
-            lists: Lists::EMPTY,
-            free: std::array::from_fn(|slot| slot as u32),
+            lists: Lists([List::EMPTY; 4]),
+            free: std::array::from_fn(|slot| slot as u32 * FLIGHT),
             free_len: IN_FLIGHT,
             octant: 0,
             alone: 0,
             descended: 0,
+            ready: 0,
         }
     }
 
     /// Traces the rays of the order, of which those of each octant begin and end at these places.
     fn run(mut self, octants: [usize; OCTANTS + 1]) {
-        // The flights of the list at hand, and where they go.
-        let mut flights = [0; IN_FLIGHT + LANES];
         let mut next = [DONE; IN_FLIGHT + LANES];
         let mut waiting = octants[0];
         loop {
@@ -468,37 +548,35 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
                 break;
             }
             let (tree, rays) = (self.tree, self.rays);
-            let count = self.lists.nodes.take(&mut flights);
-            self.counters.nodes += count as u64;
             let mut all = self.scratch.flights();
-            for (&slot, next) in flights[..count].iter().zip(&mut next) {
-                *next = all.visit_node::<Q>(tree, slot as usize);
+            let list = &self.lists.0[NODES];
+            self.counters.nodes += list.len as u64;
+            for (flight, current, next) in list.each(&mut next) {
+                *next = all.visit_node::<Q>(tree, flight, current);
                 tree.prefetch(*next);
             }
-            self.lists.distribute(&flights, &next, count);
-            let count = self.lists.leaves.take(&mut flights);
-            let mut all = self.scratch.flights();
-            let tests = &mut self.counters.tests;
-            for (&slot, next) in flights[..count].iter().zip(&mut next) {
-                *next = all.pass_leaf::<SPHERES>(tree, slot as usize, tests);
+            self.lists.distribute::<NODES>(&next);
+            let mut tests = 0;
+            for (flight, current, next) in self.lists.0[LEAVES].each(&mut next) {
+                *next = all.pass_leaf::<SPHERES>(tree, flight, current, &mut tests);
                 tree.prefetch(*next);
             }
-            self.lists.distribute(&flights, &next, count);
-            let count = self.lists.hits.take(&mut flights);
-            let mut all = self.scratch.flights();
-            for (&slot, next) in flights[..count].iter().zip(&mut next) {
-                *next = all.visit_leaf::<SPHERES, Q>(tree, rays, slot as usize);
+            self.counters.tests += tests;
+            self.lists.distribute::<LEAVES>(&next);
+            for (flight, current, next) in self.lists.0[HITS].each(&mut next) {
+                *next = all.visit_leaf::<SPHERES, Q>(tree, rays, self.query, flight, current);
                 tree.prefetch(*next);
             }
-            self.lists.distribute(&flights, &next, count);
-            for &slot in &self.lists.done.flights[..self.lists.done.len] {
-                let flight = &self.scratch.flights[slot as usize];
+            self.lists.distribute::<HITS>(&next);
+            let ended = &mut self.lists.0[ENDED];
+            for &place in &ended.flights[..ended.len] {
+                let flight = &all.flights[slot_of(place)];
                 self.query
                     .finish(flight.ray as usize, flight.t, flight.primitive);
-                self.free[self.free_len] = slot;
+                self.free[self.free_len] = place;
                 self.free_len += 1;
             }
-            self.lists.done.len = 0;
+            ended.len = 0;
         }
     }
 
@@ -512,6 +590,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         }
         self.alone = all;
         self.descended = 0;
+        self.ready = 0;
         if !self.descend(all) {
             for vector in 0..GROUP / LANES {
                 self.descend(all & rays_of(vector));
@@ -546,10 +625,9 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
             None => columns.map(|column| gather(&column[..len], ray)),
         };
         let rays = [gather3(self.rays.origin), gather3(self.rays.direction)];
-        let skip = gather_u32(&self.rays.skip[..len], ray);
         self.scratch
             .group
-            .set(vector, ray, rays, skip, self.query.ends(ray));
+            .set(vector, ray, rays, self.query.ends(ray));
     }
 
     /// Lets these rays descend together if they can; whether they did.
@@ -563,6 +641,13 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         let together = extent.is_coherent(self.tree.size)
             || self.packets == Packets::Always && rays.count_ones() as usize <= LANES;
         if together {
+            for vector in 0..GROUP / LANES {
+                if lanes_of(rays, vector).any() {
+                    let ray = group.ray[vector];
+                    group.skip[vector] = gather_u32(&self.rays.skip[..self.rays.len], ray);
+                    group.target[vector] = self.query.targets(ray);
+                }
+            }
             packet::descend::<SPHERES, Q>(
                 self.tree,
                 group,
@@ -583,43 +668,50 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
     fn take_off(&mut self) {
         let scratch = &mut *self.scratch;
         let (mut alone, mut free) = (self.alone, self.free_len);
+        let root = self.tree.root;
         while alone != 0 && free > 0 {
-            let place = alone.trailing_zeros() as usize % GROUP;
-            alone &= alone - 1;
-            let flight = Flight::new::<Q>(&scratch.group, self.octant, place);
-            let slot = self.free[free - 1] as usize % IN_FLIGHT;
-            let mut top = slot * scratch.stride + 1;
-            let mut current = self.tree.root;
-            if self.descended >> place & 1 != 0 {
-                // The last that the group came to is the first to be put aside.
-                let pending = &scratch.packet.pending[place];
-                for at in (0..usize::from(scratch.packet.counts[place])).rev() {
-                    scratch.stack_t[top] = pending.t[at];
-                    scratch.stack[top] = pending.reference[at];
-                    top += usize::from(pending.t[at] <= flight.t * FAR_PADDING);
-                }
-                top -= 1;
-                current = scratch.stack[top];
-                if current == DONE {
-                    self.query
-                        .finish(flight.ray as usize, flight.t, flight.primitive);
-                    continue;
-                }
-                self.tree.prefetch(current);
+            let vector = alone.trailing_zeros() as usize / LANES;
+            if self.ready <= vector {
+                make_flights::<Q>(&scratch.group, self.octant, vector, &mut scratch.ready);
+                self.ready = vector + 1;
             }
-            scratch.flights[slot] = Flight {
-                current,
-                top: top as u32,
-                ..flight
-            };
-            free -= 1;
-            let list = if current & LEAF == 0 {
-                &mut self.lists.nodes
-            } else {
-                &mut self.lists.leaves
-            };
-            list.flights[list.len] = slot as u32;
-            list.len += 1;
+            let mut places = alone & rays_of(vector);
+            alone ^= places;
+            while places != 0 && free > 0 {
+                let place = places.trailing_zeros() as usize % GROUP;
+                places &= places - 1;
+                let flight = &scratch.ready[place];
+                let at = self.free[free - 1];
+                let slot = slot_of(at);
+                let mut top = slot * scratch.stride + 1;
+                let mut current = root;
+                if self.descended >> place & 1 != 0 {
+                    // The last that the group came to is the first to be put aside.
+                    let pending = &scratch.packet.pending[place];
+                    for k in (0..usize::from(scratch.packet.counts[place])).rev() {
+                        scratch.stack_t[top] = pending.t[k];
+                        scratch.stack[top] = pending.reference[k];
+                        top += usize::from(pending.t[k] <= flight.t * FAR_PADDING);
+                    }
+                    top -= 1;
+                    current = scratch.stack[top];
+                    if current == DONE {
+                        self.query
+                            .finish(flight.ray as usize, flight.t, flight.primitive);
+                        continue;
+                    }
+                    self.tree.prefetch(current);
+                }
+                // By the vectors in which they were written: narrower or wider copies would wait for memory.
+                let flights: &mut [[f32x8; 2]; IN_FLIGHT] =
+                    bytemuck::cast_mut(&mut scratch.flights);
+                flights[slot] = bytemuck::cast(*flight);
+                scratch.flights[slot].top = top as u32;
+                free -= 1;
+                let list = if current & LEAF == 0 { NODES } else { LEAVES };
+                self.lists.0[list].push(at, current);
+            }
+            alone |= places;
         }
         (self.alone, self.free_len) = (alone, free);
     }
@@ -634,52 +726,62 @@ struct Flights<'a> {
 }
 
 impl Flights<'_> {
+    /// The flight at a place, with the stacks.
+    ///
+    /// # Safety
+    /// There is one: a list or the free ones name the place.
+    #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
+    #[inline(always)]
+    unsafe fn at(&mut self, place: u32) -> (&mut Flight, &mut [f32], &mut [u32]) {
+        debug_assert!(place.is_multiple_of(FLIGHT) && (place / FLIGHT) < IN_FLIGHT as u32);
+        // SAFETY: by this function's condition.
+        let flight = unsafe { &mut *self.flights.as_mut_ptr().byte_add(place as usize) };
+        (flight, self.stack_t, self.stack)
+    }
+
     /// Visits the node at which a flight is, and gives where it goes.
     #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
     #[inline(always)]
-    fn visit_node<Q: Query>(&mut self, tree: &Blocks, slot: usize) -> u32 {
-        let flight = &mut self.flights[slot % IN_FLIGHT];
+    fn visit_node<Q: Query>(&mut self, tree: &Blocks, place: u32, current: u32) -> u32 {
+        // SAFETY: a list names the flight.
+        let (flight, stack_t, stack) = unsafe { self.at(place) };
         // SAFETY: a flight in the list of nodes is at a node.
-        let node = unsafe { tree.node_unchecked(flight.current) };
-        let origin = flight.shear.origin();
+        let node = unsafe { tree.node_unchecked(current) };
         let (mut first, mut last) = (f32x8::splat(0.0), f32x8::splat(flight.t));
+        let [x, y] = flight.reciprocal;
         // NaN (0·∞) drops out. The roundings are those of `geometry::slab::SlabRay`.
-        for (axis, origin) in origin.into_iter().enumerate() {
-            let near = flight.near[axis];
+        for (k, reciprocal) in [x, y, flight.framed.back].into_iter().enumerate() {
+            let near = u32::from(flight.frame.near[k]);
             let [near, far] = [near, near ^ Node::SIDE].map(|place| {
                 // SAFETY: `near` is of some octant.
-                (f32x8::splat(origin) - unsafe { node.planes_at(place) })
-                    * f32x8::splat(flight.reciprocal[axis])
+                let planes = unsafe { node.planes_at(place) };
+                (f32x8::splat(flight.framed.origin[k]) - planes) * f32x8::splat(reciprocal)
             });
             first = near.keep_max(first);
             last = far.keep_min(last);
         }
         let mask = first.simd_le(last * f32x8::splat(FAR_PADDING)).to_bitmask() & 0xff;
+        let order = usize::from(flight.frame.orders) + mask as usize;
         // SAFETY: there are as many orders for each octant as a mask has values.
-        let order = unsafe {
-            *ORDER
-                .as_flattened()
-                .get_unchecked((flight.orders + mask) as usize)
-        };
+        let order = unsafe { ORDER.as_flattened().get_unchecked(order) };
         let children = permute(bytemuck::cast(node.children), order);
         let top = flight.top as usize;
         // SAFETY: a stack has room for what the tree needs and a vector more, and never is empty.
-        let below = unsafe { *self.stack.get_unchecked(top - 1) };
+        let below = unsafe { *stack.get_unchecked(top - 1) };
         // SAFETY: as before.
         unsafe {
             // Any hit ends a ray: no distance is looked at again.
             if !Q::ANY {
-                store8(self.stack_t, top, permute(first, order));
+                store8(stack_t, top, permute(first, order));
             }
-            store8(bytemuck::cast_slice_mut(self.stack), top, children);
+            store8(bytemuck::cast_slice_mut(stack), top, children);
         }
         // The nearest child, or what was put aside last, is taken at once.
         flight.top = (top + mask.count_ones() as usize - 1) as u32;
-        let nearest = node.children[nearest(order)];
+        // SAFETY: as before.
+        let nearest = unsafe { *stack.get_unchecked(top + NEAREST) };
         // No branch: it could not be foretold.
-        let next = select_unpredictable(mask == 0, below, nearest);
-        flight.current = next;
-        next
+        select_unpredictable(mask == 0, below, nearest)
     }
 
     /// Looks whether a flight may hit something in the leaf at which it is: gives [`MAY_HIT`], or where it goes.
@@ -688,22 +790,25 @@ impl Flights<'_> {
     fn pass_leaf<const SPHERES: bool>(
         &mut self,
         tree: &Blocks,
-        slot: usize,
+        place: u32,
+        current: u32,
         tests: &mut u64,
     ) -> u32 {
-        let flight = &mut self.flights[slot % IN_FLIGHT];
+        // SAFETY: a list names the flight.
+        let (flight, _, stack) = unsafe { self.at(place) };
         // SAFETY: a flight in the list of leaves is at a leaf.
-        let leaf = unsafe { tree.leaf_unchecked(flight.current) };
-        *tests += (leaf.triangles + leaf.spheres) as u64;
-        let row = |axis: usize, corner: usize| leaf.row(axis, corner);
-        let may_hit = flight.shear.may_hit(row, leaf.valid(), flight.t).any();
-        let may_hit = may_hit | (SPHERES && leaf.spheres > 0);
-        let top = flight.top as usize;
+        let leaf = unsafe { tree.leaf_unchecked(current) };
+        let spheres = if SPHERES { leaf.spheres } else { 0 };
+        *tests += (leaf.triangles + spheres) as u64;
+        let row = |k: usize, corner: usize| flight.frame.row(&leaf, k, corner);
+        let may_hit = flight.framed.may_hit(row, leaf.valid(), flight.t);
+        // All ones where the flight stays.
+        let stays = u32::from(may_hit.any() | (spheres > 0)).wrapping_neg();
+        let top = flight.top;
         // SAFETY: a stack never is empty.
-        let below = unsafe { *self.stack.get_unchecked(top - 1) };
-        flight.top = top as u32 - u32::from(!may_hit);
-        flight.current = select_unpredictable(may_hit, flight.current, below);
-        select_unpredictable(may_hit, MAY_HIT, below)
+        let below = unsafe { *stack.get_unchecked(top as usize - 1) };
+        flight.top = top.wrapping_add(!stays);
+        below | stays
     }
 
     /// Tests the leaf at which a flight is, and gives where it goes.
@@ -712,35 +817,35 @@ impl Flights<'_> {
         &mut self,
         tree: &Blocks,
         rays: &RayBatch<'_>,
-        slot: usize,
+        query: &Q,
+        place: u32,
+        current: u32,
     ) -> u32 {
-        let flight = &mut self.flights[slot % IN_FLIGHT];
-        let leaf = tree.leaf(flight.current);
+        let slot = slot_of(place);
+        let flight = &mut self.flights[slot];
+        let ray = flight.ray as usize;
+        let leaf = tree.leaf(current);
         let mut closer = false;
         if !SPHERES || leaf.triangles > 0 {
-            let (hits, t) = flight.shear.intersect_rows(
-                |axis, corner| leaf.row(axis, corner),
-                leaf.valid(),
-                || tree.leaf(flight.current).all_rows(),
-            );
-            closer |=
-                flight.take::<Q>(hits, bytemuck::cast_slice(&[t]), flight.skip, || leaf.ids());
+            let row = |k: usize, corner: usize| flight.frame.row(&leaf, k, corner);
+            let (hits, t) = flight.framed.intersect(row, leaf.valid());
+            let t = bytemuck::cast_slice(std::slice::from_ref(&t));
+            closer |= flight.take(query, hits, t, rays.skip[ray], || leaf.ids());
         }
         if SPHERES && leaf.spheres > 0 {
             let ([x, y, z, radius], ids, valid) = leaf.spheres();
-            let leaving = ids.eq(U32s::splat(flight.skip));
-            let origin = Vec3s::splat(flight.shear.origin());
-            let direction = Vec3s::splat(rays.direction.map(|d| d[flight.ray as usize]));
+            let leaving = ids.eq(U32s::splat(rays.skip[ray]));
+            let [origin, direction] =
+                [rays.origin, rays.direction].map(|columns| Vec3s::splat(columns.map(|c| c[ray])));
             let t = sphere_distance(Vec3s::new(x, y, z), radius, origin, direction, leaving);
             let hits = t.lt(F32s::splat(f32::INFINITY)) & valid;
-            closer |= flight.take::<Q>(hits, &t.to_array(), PrimitiveId::NONE, || {
+            closer |= flight.take(query, hits, &t.to_array(), PrimitiveId::NONE, || {
                 std::array::from_fn(|i| ids.as_array()[i])
             });
         }
         let mut top = flight.top as usize;
         if closer {
             if Q::ANY {
-                flight.current = DONE;
                 return DONE;
             }
             let base = slot * self.stride;
@@ -750,8 +855,7 @@ impl Flights<'_> {
             top = base + keep_near(t, &mut self.stack[part], top - base, limit);
         }
         flight.top = top as u32 - 1;
-        flight.current = self.stack[top - 1];
-        flight.current
+        self.stack[top - 1]
     }
 }
 
@@ -778,6 +882,7 @@ impl Flight {
     #[inline(always)]
     fn take<Q: Query>(
         &mut self,
+        query: &Q,
         hits: Mask,
         t: &[f32],
         skip: u32,
@@ -791,7 +896,7 @@ impl Flight {
         for lane in hits.lanes() {
             let (t, id) = (t[lane], ids[lane]);
             let counts = if Q::ANY {
-                t < self.t && id != self.target
+                t < self.t && id != query.target(self.ray as usize)
             } else {
                 t < self.t || (t == self.t && id < self.primitive)
             };

@@ -15,11 +15,21 @@ use crate::math::vec3::Vec3s;
 /// A ray prepared for triangle tests.
 #[derive(Debug, Clone, Copy)]
 pub struct ShearRay {
-    origin: [f32; 3],
     /// Axes taken as x, y and z; z is the direction's largest component.
     axes: [Axis; 3],
-    /// x and y per z, and the reciprocal of z.
-    shear: [f32; 3],
+    ray: FramedRay,
+}
+
+/// A ray in a frame in which z is the largest component of its direction.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct FramedRay {
+    /// Where it starts.
+    pub origin: [f32; 3],
+    /// x and y of the direction per z.
+    pub shear: [f32; 2],
+    /// −1/z of the direction.
+    pub back: f32,
 }
 
 /// An axis of space: a type, so that indexing by it needs no check.
@@ -54,36 +64,12 @@ impl ShearRay {
         };
         let axes = Axis::FRAMES[z];
         let [x, y, z] = axes.map(|axis| direction[axis as usize]);
-        let shear = [x / z, y / z, 1.0 / z];
-        Self {
-            origin,
-            axes,
-            shear,
-        }
-    }
-
-    /// Hits nothing.
-    pub const NONE: Self = Self {
-        origin: [0.0; 3],
-        axes: Axis::FRAMES[2],
-        shear: [f32::NAN; 3],
-    };
-
-    /// A ray of which the largest component of the direction, and the shear, are known: see
-    /// [`shear_lanes`].
-    #[inline(always)]
-    pub fn from_parts(origin: [f32; 3], largest: usize, shear: [f32; 3]) -> Self {
-        Self {
-            origin,
-            axes: Axis::FRAMES[largest],
-            shear,
-        }
-    }
-
-    /// Where the ray starts.
-    #[inline(always)]
-    pub fn origin(&self) -> [f32; 3] {
-        self.origin
+        let ray = FramedRay {
+            origin: axes.map(|axis| origin[axis as usize]),
+            shear: [x / z, y / z],
+            back: -1.0 / z,
+        };
+        Self { axes, ray }
     }
 
     /// Distance, > 0, at which the ray meets the triangle from either side.
@@ -105,40 +91,41 @@ impl ShearRay {
     /// Image of a point: x and y across the ray, z the distance along it.
     #[inline]
     fn project(&self, point: [f32; 3]) -> [f32; 3] {
+        let FramedRay {
+            origin,
+            shear,
+            back,
+        } = self.ray;
         let [kx, ky, kz] = self.axes.map(|axis| axis as usize);
-        let z = point[kz] - self.origin[kz];
+        let z = origin[2] - point[kz];
         [
-            (point[kx] - self.origin[kx]) - self.shear[0] * z,
-            (point[ky] - self.origin[ky]) - self.shear[1] * z,
-            self.shear[2] * z,
+            (origin[0] - point[kx]) - shear[0] * z,
+            (origin[1] - point[ky]) - shear[1] * z,
+            back * z,
         ]
     }
 
     /// Lanes of the pack that the ray hits, and their distances, > 0 (undefined in other lanes).
     #[inline]
     pub fn intersect_pack(&self, pack: &TrianglePack) -> (Mask, F32s) {
-        let row = |axis: usize, corner: usize| pack.corners[corner][axis];
-        self.intersect_rows(row, Mask::ALL, || pack.corners)
+        let row = |k: usize, corner: usize| pack.corners[corner][self.axes[k] as usize];
+        self.ray.intersect(row, Mask::ALL)
     }
+}
 
+impl FramedRay {
     /// Lanes of `valid` whose triangles the ray hits, and their distances, > 0 (undefined in other
-    /// lanes). `row(axis, corner)` is a coordinate of all the triangles; `all`, called rarely, gives all of them, corner
-    /// by corner.
+    /// lanes). `row(k, corner)` is a coordinate of all the triangles along axis k of the frame.
     #[inline(always)]
-    pub fn intersect_rows<V: FloatLanes>(
+    pub fn intersect<V: FloatLanes>(
         &self,
         row: impl Fn(usize, usize) -> V,
         valid: Mask,
-        all: impl FnOnce() -> [[V; 3]; 3],
     ) -> (Mask, V) {
-        let corner = |corner| self.project_lanes(&row, corner);
-        hits_of_projected([corner(0), corner(1), corner(2)], valid, || {
-            let all = all();
-            [0, 1, 2].map(|corner| self.project_lanes(|axis, corner| all[corner][axis], corner))
-        })
+        hits_of_projected(self.project(&row), valid, || self.project(&row))
     }
 
-    /// Lanes of `valid` whose triangles the ray may hit no later than at `end`: all that [`Self::intersect_rows`]
+    /// Lanes of `valid` whose triangles the ray may hit no later than at `end`: all that [`Self::intersect`]
     /// gives at such distances, and those that f64 decides. Without branches, for where most triangles are missed.
     #[inline(always)]
     pub fn may_hit<V: FloatLanes>(
@@ -147,31 +134,29 @@ impl ShearRay {
         valid: Mask,
         end: f32,
     ) -> Mask {
-        let corner = |corner| self.project_lanes(&row, corner);
-        let corners = [corner(0), corner(1), corner(2)];
+        let corners = self.project(&row);
         let ([least, most], edges) = edges(corners);
         let zero = V::splat(0.0);
         let t = distance(corners, edges);
-        let undecided = Compare::eq(least, zero) | Compare::eq(most, zero);
+        // Of one sign, of both, or zero where f64 decides.
+        let sign = least * most;
         let near = t.gt(zero) & t.le(V::splat(end));
-        (least.ge(zero) | most.le(zero)) & (near | undecided) & valid
+        (near | !sign.gt(zero)) & !sign.lt(zero) & valid
     }
 
-    /// Images of a corner of many triangles.
+    /// Images of the corners of many triangles: x and y across the ray, z the distance along it. From the corners to
+    /// the origin, so that x and y have the other sign, which no edge function sees.
     #[inline(always)]
-    fn project_lanes<V: FloatLanes>(
-        &self,
-        row: impl Fn(usize, usize) -> V,
-        corner: usize,
-    ) -> [V; 3] {
-        let [kx, ky, kz] = self.axes.map(|axis| axis as usize);
-        let offset = |axis: usize| row(axis, corner) - V::splat(self.origin[axis]);
-        let z = offset(kz);
-        [
-            offset(kx) - V::splat(self.shear[0]) * z,
-            offset(ky) - V::splat(self.shear[1]) * z,
-            V::splat(self.shear[2]) * z,
-        ]
+    fn project<V: FloatLanes>(&self, row: &impl Fn(usize, usize) -> V) -> [[V; 3]; 3] {
+        [0, 1, 2].map(|corner| {
+            let offset = |k: usize| V::splat(self.origin[k]) - row(k, corner);
+            let z = offset(2);
+            [
+                offset(0) - V::splat(self.shear[0]) * z,
+                offset(1) - V::splat(self.shear[1]) * z,
+                V::splat(self.back) * z,
+            ]
+        })
     }
 }
 
