@@ -14,7 +14,7 @@ use super::stream::Query;
 use crate::geometry::PrimitiveId;
 use crate::geometry::slab::FAR_PADDING;
 use crate::geometry::sphere::sphere_distance;
-use crate::geometry::triangle::{FramedRay, ShearRays, shear_lanes};
+use crate::geometry::triangle::{FramedRay, ShearRays, frame_axes, shear_lanes};
 use crate::math::lanes::{Compare, F32s, FloatLanes, LANES, Mask, U32s};
 use crate::math::vec3::Vec3s;
 
@@ -146,6 +146,9 @@ impl Group {
         let most = F32s::splat(f32::MAX);
         let axis = bytemuck::cast_slice::<U32s, u32>(&self.largest)[rays.trailing_zeros() as usize];
         let like = (0..VECTORS).all(|vector| {
+            if lanes_of(rays, vector).none() {
+                return true;
+            }
             let others = !self.largest[vector].eq(U32s::splat(axis));
             let [x, y, z] = self
                 .reciprocal
@@ -212,28 +215,26 @@ impl Group {
 
     /// Tests these rays against primitives of the leaf; whether one was hit.
     #[inline(always)]
-    fn meet_leaf<const SPHERES: bool, Q: Query>(
+    fn meet_leaf<const SPHERES: bool, Q: Query, const Z: usize>(
         &mut self,
         leaf: &Leaf<'_>,
-        bundle: &Bundle,
+        bundle: &Bundle<Z>,
         rays: Rays,
     ) -> bool {
         let mut met = Mask::NONE;
-        let meets = bundle
-            .cone
-            .meets(|k, corner| leaf.row(bundle.axes[k], corner));
-        let meets = meets & Mask::first(leaf.triangles);
+        let row = |k: usize, corner: usize| leaf.row(Bundle::<Z>::AXES[k], corner);
+        let meets = bundle.cone.meets(row) & Mask::first(leaf.triangles);
         let vectors = (0..VECTORS)
             .filter(|&vector| lanes_of(rays, vector).any())
             .count();
         // All triangles against a ray take about as long as a triangle against a vector of rays.
         if (rays.count_ones() as usize) < meets.count() * vectors {
             for ray in each(rays) {
-                met = met | self.meet_alone::<Q>(leaf, bundle.axes, ray, meets);
+                met = met | self.meet_alone::<Q, Z>(leaf, ray, meets);
             }
         } else {
             for index in meets.lanes() {
-                let corners = bundle.axes.map(|axis| leaf.corners(axis, index));
+                let corners = Bundle::<Z>::AXES.map(|axis| leaf.corners(axis, index));
                 let id = U32s::splat(leaf.id(index));
                 for vector in 0..VECTORS {
                     let lanes = lanes_of(rays, vector);
@@ -268,18 +269,18 @@ impl Group {
 
     /// Tests one ray against these triangles of the leaf; the ray's lane where it hit one.
     #[inline(always)]
-    fn meet_alone<Q: Query>(
+    fn meet_alone<Q: Query, const Z: usize>(
         &mut self,
         leaf: &Leaf<'_>,
-        axes: [usize; 3],
         ray: usize,
         triangles: Mask,
     ) -> Mask {
+        let axes = Bundle::<Z>::AXES;
         let [u, v, _] = &self.shear;
         let framed = FramedRay {
             origin: axes.map(|axis| self.at(&self.origin[axis], ray)),
             shear: [self.at(u, ray), self.at(v, ray)],
-            back: -self.at(&self.reciprocal[axes[2]], ray),
+            back: -self.at(&self.reciprocal[Z], ray),
         };
         let (hits, t) = framed.intersect(|k, corner| leaf.row(axes[k], corner), triangles);
         if hits.none() {
@@ -428,8 +429,8 @@ impl Scratch {
 }
 
 /// Bounds of the rays of a group. Every rounding is that of a single ray's test and monotone, so that
-/// bounds stay bounds.
-struct Bundle {
+/// bounds stay bounds. All directions are largest along axis `Z`.
+struct Bundle<const Z: usize> {
     /// Which planes are near.
     sides: Sides,
     /// Per axis the origins of the least distances of near planes, and of far ones.
@@ -438,15 +439,15 @@ struct Bundle {
     reciprocal: [[f32; 2]; 3],
     /// Largest of the rays' ends.
     end: f32,
-    /// The axes of [`ShearRays`].
-    axes: [usize; 3],
     cone: Cone,
 }
 
-impl Bundle {
+impl<const Z: usize> Bundle<Z> {
+    /// The axes of [`ShearRays`].
+    const AXES: [usize; 3] = frame_axes(Z);
+
     #[inline(always)]
-    fn new(group: &Group, sides: Sides, axis: usize, extent: &Extent) -> Self {
-        let axes = [(axis + 1) % 3, (axis + 2) % 3, axis];
+    fn new(group: &Group, sides: Sides, extent: &Extent) -> Self {
         let Extent { rays, origin, .. } = *extent;
         let [u, v, _] = &group.shear;
         let shear = ranges([u, v], rays);
@@ -463,8 +464,7 @@ impl Bundle {
             // Directions have one sign, so that the rounded quotients fall as they rise.
             reciprocal: extent.direction.map(|[low, high]| [1.0 / high, 1.0 / low]),
             end: 0.0,
-            axes,
-            cone: Cone::new(axes.map(|axis| origin[axis]), shear),
+            cone: Cone::new(Self::AXES.map(|axis| origin[axis]), shear),
         };
         bundle.limit(group, rays);
         bundle
@@ -561,22 +561,21 @@ impl Cone {
     }
 }
 
-/// Traces the rays of `extent`, whose directions are of `octant` and largest along `axis`, through the tree; what
+/// Traces the rays of `extent`, whose directions are of `octant` and largest along `Z`, through the tree; what
 /// is left to each alone is in `scratch.pending`.
 #[inline(always)]
-pub(super) fn descend<const SPHERES: bool, Q: Query>(
+pub(super) fn descend<const SPHERES: bool, Q: Query, const Z: usize>(
     tree: &Blocks,
     group: &mut Group,
     octant: usize,
-    axis: usize,
     extent: &Extent,
     scratch: &mut Scratch,
     counters: &mut AccelCounters,
 ) {
-    group.shear([(axis + 1) % 3, (axis + 2) % 3, axis]);
+    group.shear(Bundle::<Z>::AXES);
     let sides = Sides::of(octant);
     let rays = extent.rays;
-    let mut bundle = Bundle::new(group, sides, axis, extent);
+    let mut bundle = Bundle::<Z>::new(group, sides, extent);
     for (vector, counts) in scratch.counts.chunks_exact_mut(LANES).enumerate() {
         if lanes_of(rays, vector).any() {
             counts.fill(0);
@@ -639,7 +638,7 @@ pub(super) fn descend<const SPHERES: bool, Q: Query>(
         } else {
             let leaf = tree.leaf(at.reference);
             counters.tests += (leaf.triangles + leaf.spheres) as u64 * u64::from(count);
-            if group.meet_leaf::<SPHERES, Q>(&leaf, &bundle, active) {
+            if group.meet_leaf::<SPHERES, Q, Z>(&leaf, &bundle, active) {
                 bundle.limit(group, rays);
             }
         }
@@ -681,7 +680,7 @@ mod tests {
         for round in 0..20_000 {
             let spread = [0.0, 1e-6, 1e-3, 0.1][round % 4];
             let group = group(&mut rng, spread);
-            let bundle = Bundle::new(&group, Sides::of(0), 2, &group.extent(rays_of(0)));
+            let bundle = Bundle::<2>::new(&group, Sides::of(0), &group.extent(rays_of(0)));
             let ray = round % LANES;
             let [origin, direction] = [&group.origin, &group.direction]
                 .map(|columns| columns.each_ref().map(|column| group.at(column, ray)));

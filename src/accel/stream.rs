@@ -12,12 +12,12 @@ use wide::f32x8;
 use super::blocks::{Blocks, DONE, LEAF, LEAF_SIZE, Leaf, Node};
 use super::collapse::WIDTH;
 use super::octant::{NEAREST, OCTANTS, ORDER, permute};
-use super::packet::{self, GROUP, Group, Rays, lanes_of, rays_of};
+use super::packet::{self, GROUP, Group, Rays, descend, lanes_of, rays_of};
 use super::{AccelCounters, RayBatch};
 use crate::geometry::PrimitiveId;
 use crate::geometry::slab::FAR_PADDING;
 use crate::geometry::sphere::sphere_distance;
-use crate::geometry::triangle::FramedRay;
+use crate::geometry::triangle::{FramedRay, frame_axes};
 use crate::math::lanes::{
     Compare, F32s, FloatLanes, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, iota,
     load, load_u32, padded, store_u32, to_bits,
@@ -128,7 +128,7 @@ impl Frame {
     /// Of rays of an octant whose directions are largest along `axis`, which visit children in the order of another
     /// octant.
     fn new(octant: usize, order: usize, axis: usize) -> Self {
-        let axes = [(axis + 1) % 3, (axis + 2) % 3, axis];
+        let axes = frame_axes(axis);
         Self {
             near: axes.map(|axis| Node::NEAR[octant][axis] as u8),
             rows: axes.map(|axis| Leaf::first_row(axis) as u8),
@@ -600,6 +600,9 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         self.alone &= !(self.descended & packet.without_pending());
         for vector in 0..GROUP / LANES {
             let lanes = lanes_of(all & !self.alone, vector);
+            if lanes.none() {
+                continue;
+            }
             let (ray, t, primitive) = (group.ray[vector], group.t[vector], group.primitive[vector]);
             match row(ray) {
                 Some(first) if lanes == Mask::ALL => self.query.finish_row(first, t, primitive),
@@ -648,15 +651,13 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
                     group.target[vector] = self.query.targets(ray);
                 }
             }
-            packet::descend::<SPHERES, Q>(
-                self.tree,
-                group,
-                self.octant,
-                axis,
-                &extent,
-                &mut self.scratch.packet,
-                self.counters,
-            );
+            let (tree, octant, counters) = (self.tree, self.octant, &mut *self.counters);
+            let packet = &mut self.scratch.packet;
+            match axis {
+                0 => descend::<SPHERES, Q, 0>(tree, group, octant, &extent, packet, counters),
+                1 => descend::<SPHERES, Q, 1>(tree, group, octant, &extent, packet, counters),
+                _ => descend::<SPHERES, Q, 2>(tree, group, octant, &extent, packet, counters),
+            }
             self.descended |= rays;
         }
         together

@@ -41,6 +41,11 @@ enum Axis {
     Z,
 }
 
+/// Axes taken as x, y and z where z is this one.
+pub const fn frame_axes(z: usize) -> [usize; 3] {
+    [(z + 1) % 3, (z + 2) % 3, z]
+}
+
 impl Axis {
     /// The axes in the order of a frame whose z axis is this one.
     const FRAMES: [[Self; 3]; 3] = [
@@ -379,6 +384,37 @@ mod tests {
             );
         }
         assert!(hits > 5_000, "{hits} hits are too few to compare");
+    }
+
+    #[test]
+    fn what_may_be_hit_holds_all_hits_before_the_end_and_little_else() {
+        let mut rng = Rng(2);
+        let (mut hits, mut may, mut all) = (0, 0, 0);
+        for round in 0..20_000 {
+            // Rounds on a small integer grid meet edges and corners exactly.
+            let grid = round % 2 == 0;
+            let mut coordinate = |scale: f32| {
+                let x = (rng.uniform() - 0.5) * scale;
+                if grid { (x * 2.0).round() } else { x }
+            };
+            let mut point = |scale| [coordinate(scale), coordinate(scale), coordinate(scale)];
+            let pack = TrianglePack::new((0..LANES as u32).map(|id| {
+                let corners = [point(8.0), point(8.0), point(8.0)];
+                (id, Triangle { corners })
+            }));
+            let ray = ShearRay::new(point(6.0), point(2.0));
+            let end = [f32::INFINITY, 2.0, 0.5][round % 3];
+            let (mask, t) = ray.intersect_pack(&pack);
+            let near = mask & t.le(F32s::splat(end));
+            let row = |k: usize, corner: usize| pack.corners[corner][ray.axes[k] as usize];
+            let maybe = ray.ray.may_hit(row, Mask::ALL, end);
+            assert_eq!(maybe & near, near, "round {round}");
+            hits += near.count();
+            may += maybe.count();
+            all += LANES;
+        }
+        assert!(hits > all / 50, "{hits} hits are too few");
+        assert!(may < 4 * hits, "{may} for {hits} hits of {all}");
     }
 
     #[test]
