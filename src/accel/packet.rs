@@ -9,6 +9,7 @@ use wide::{f32x4, f32x8, i8x16};
 
 use super::AccelCounters;
 use super::blocks::{Blocks, LEAF, Leaf, Node};
+use super::flight::{Row, at_axes};
 use super::octant::{NEAREST, ORDER, Sides};
 use super::stream::Query;
 use crate::geometry::PrimitiveId;
@@ -123,6 +124,24 @@ impl Group {
     #[inline(always)]
     pub(super) fn at(&self, column: &Column, ray: usize) -> f32 {
         bytemuck::cast_slice::<F32s, f32>(column)[ray]
+    }
+
+    /// A vector of these rays, whose directions are of `octant`, about to take off; at no place in stacks yet.
+    #[inline(always)]
+    pub(super) fn row(&self, vector: usize, octant: usize) -> Row {
+        let at = |columns: &[Column; 3]| columns.each_ref().map(|column| column[vector]);
+        let [u, v, _] = at(&self.shear);
+        Row {
+            largest: at_axes(self.largest[vector]),
+            origin: at(&self.origin),
+            reciprocal: at(&self.reciprocal),
+            shear: [u, v],
+            t: self.t[vector],
+            primitive: self.primitive[vector],
+            ray: self.ray[vector],
+            octant: U32s::splat(octant as u32),
+            top: U32s::splat(0),
+        }
     }
 
     /// Prepares all rays for triangle tests along these axes.

@@ -1,6 +1,5 @@
-//! Traversal of the 8-wide tree by a queue of rays, octant by octant of their directions. A few dozen rays are in
-//! flight at once, each advanced by one node or one leaf at a time, so that the latencies of one ray pass while
-//! others are computed. No store in these loops has an address that depends on the outcome of an earlier step:
+//! Traversal of the 8-wide tree by a queue of rays. A few dozen rays are in flight at once, each advanced by one node
+//! or one leaf at a time, so that the latencies of one ray pass while others are computed. No store in these loops has an address that depends on the outcome of an earlier step:
 //! the processor would hold back every later load until it knew it.
 
 use std::cell::RefCell;
@@ -9,18 +8,20 @@ use std::ops::Range;
 
 use wide::f32x8;
 
-use super::blocks::{Blocks, DONE, LEAF, LEAF_SIZE, Leaf, Node};
+use super::blocks::{Blocks, DONE, LEAF, LEAF_SIZE, Node};
 use super::collapse::WIDTH;
+use super::flight::{Flight, Halves, Row};
 use super::octant::{NEAREST, OCTANTS, ORDER, permute};
+use super::order::{ALIKE_MOST, Order, Starts};
 use super::packet::{self, GROUP, Group, Rays, descend, lanes_of, rays_of};
 use super::{AccelCounters, RayBatch};
 use crate::geometry::PrimitiveId;
 use crate::geometry::slab::FAR_PADDING;
 use crate::geometry::sphere::sphere_distance;
-use crate::geometry::triangle::{FramedRay, frame_axes};
+use crate::geometry::triangle::shear_lanes;
 use crate::math::lanes::{
     Compare, F32s, FloatLanes, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, iota,
-    load, load_u32, padded, store_u32, to_bits,
+    load, load_u32,
 };
 use crate::math::vec3::Vec3s;
 
@@ -73,7 +74,9 @@ pub(super) fn trace<Q: Query>(
         return;
     }
     SCRATCH.with_borrow_mut(|scratch| {
-        let octants = scratch.prepare(tree, rays, query);
+        scratch.reserve(tree);
+        let alike = Q::ANY && tree.primitives <= ALIKE_MOST;
+        let octants = scratch.order.arrange(rays, packets, alike);
         if tree.has_spheres {
             Traversal::<true, Q>::new(tree, packets, rays, query, counters, scratch).run(octants);
         } else {
@@ -86,23 +89,6 @@ thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
-/// A ray in flight, one cache line. Axes are those of [`FramedRay`].
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C, align(64))]
-struct Flight {
-    framed: FramedRay,
-    /// −1/d along x and y; the frame's ray has that along z.
-    reciprocal: [f32; 2],
-    /// Closest hit so far, or the end of the ray.
-    t: f32,
-    primitive: u32,
-    ray: u32,
-    frame: Frame,
-    unused: [u32; 2],
-    /// Place in the stacks after the last entry.
-    top: u32,
-}
-
 /// Bytes from a flight to the next. A flight's place is told in bytes from the first on.
 const FLIGHT: u32 = size_of::<Flight>() as u32;
 
@@ -110,43 +96,6 @@ const FLIGHT: u32 = size_of::<Flight>() as u32;
 #[inline(always)]
 fn slot_of(place: u32) -> usize {
     (place / FLIGHT) as usize % IN_FLIGHT
-}
-
-/// How a flight reads nodes and leaves. Axes are those of [`FramedRay`].
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-struct Frame {
-    /// Per axis where in a node the near planes are, in bytes.
-    near: [u8; 3],
-    /// Per axis the first row of a leaf.
-    rows: [u8; 3],
-    /// Where the orders begin in [`ORDER`] in which it visits children.
-    orders: u16,
-}
-
-impl Frame {
-    /// Of rays of an octant whose directions are largest along `axis`, which visit children in the order of another
-    /// octant.
-    fn new(octant: usize, order: usize, axis: usize) -> Self {
-        let axes = frame_axes(axis);
-        Self {
-            near: axes.map(|axis| Node::NEAR[octant][axis] as u8),
-            rows: axes.map(|axis| Leaf::first_row(axis) as u8),
-            orders: (order << WIDTH) as u16,
-        }
-    }
-
-    /// A coordinate of the corners of a leaf's triangles along axis k.
-    #[expect(
-        unsafe_code,
-        reason = "checks of nine rows take as long as their reading"
-    )]
-    #[inline(always)]
-    fn row(&self, leaf: &Leaf<'_>, k: usize, corner: usize) -> f32x8 {
-        assert!(corner < 3);
-        // SAFETY: these are rows of axes, by `new`.
-        unsafe { leaf.row_from(usize::from(self.rows[k]), corner) }
-    }
 }
 
 /// Memory of a worker.
@@ -158,10 +107,7 @@ struct Scratch {
     stack: Vec<u32>,
     /// Entries of a flight's part of the stacks.
     stride: usize,
-    /// Octants of the rays, [`OCTANTS`] for those that hit nothing.
-    octant: Vec<u32>,
-    /// Rays by octant.
-    order: Vec<u32>,
+    order: Order,
     packet: packet::Scratch,
     group: Group,
     /// Rays of the group as flights at no place yet.
@@ -175,8 +121,7 @@ impl Default for Scratch {
             stack_t: Vec::new(),
             stack: Vec::new(),
             stride: 0,
-            octant: Vec::new(),
-            order: Vec::new(),
+            order: Order::default(),
             packet: packet::Scratch::default(),
             group: Group::default(),
             ready: [bytemuck::Zeroable::zeroed(); GROUP],
@@ -185,6 +130,17 @@ impl Default for Scratch {
 }
 
 impl Scratch {
+    /// Makes room for flights through a tree.
+    fn reserve(&mut self, tree: &Blocks) {
+        let stride = tree.stack_bound + packet::MOST_PENDING + LANES;
+        if self.stride < stride {
+            self.stride = stride;
+            self.stack_t = vec![f32::NEG_INFINITY; stride * IN_FLIGHT];
+            self.stack = vec![DONE; stride * IN_FLIGHT];
+        }
+        self.packet.reserve(tree.stack_bound);
+    }
+
     #[inline(always)]
     fn flights(&mut self) -> Flights<'_> {
         Flights {
@@ -194,128 +150,6 @@ impl Scratch {
             stride: self.stride,
         }
     }
-
-    /// Makes room, sorts the rays by octant and finishes those that hit nothing; where each octant begins.
-    fn prepare<Q: Query>(
-        &mut self,
-        tree: &Blocks,
-        rays: &RayBatch<'_>,
-        query: &mut Q,
-    ) -> [usize; OCTANTS + 1] {
-        let stride = tree.stack_bound + packet::MOST_PENDING + LANES;
-        if self.stride < stride {
-            self.stride = stride;
-            self.stack_t = vec![f32::NEG_INFINITY; stride * IN_FLIGHT];
-            self.stack = vec![DONE; stride * IN_FLIGHT];
-        }
-        self.packet.reserve(tree.stack_bound);
-        let room = padded(rays.len) + LANES;
-        if self.order.len() < room {
-            self.order.resize(room, 0);
-            self.octant.resize(room, 0);
-        }
-        let mut present = 0;
-        for at in (0..rays.len).step_by(LANES) {
-            let octant = octant_of(rays, at);
-            store_u32(&mut self.octant, at, octant);
-            // The rays of a chunk mostly share an octant.
-            let first = octant.as_array()[0];
-            let valid = Mask::first(rays.len - at);
-            present |= if (valid & !octant.eq(U32s::splat(first))).none() {
-                1 << first
-            } else {
-                u32::MAX
-            };
-        }
-        let mut starts = [0; OCTANTS + 1];
-        let mut count = 0;
-        for (octant, start) in starts.iter_mut().enumerate() {
-            *start = count;
-            if present >> octant & 1 == 0 {
-                continue;
-            }
-            for at in (0..rays.len).step_by(LANES) {
-                let here = load_u32(&self.octant, at).eq(U32s::splat(octant as u32))
-                    & Mask::first(rays.len - at);
-                let ray = iota() + U32s::splat(at as u32);
-                compress_u32(&mut self.order, count, here, ray);
-                count += here.count();
-            }
-        }
-        for &ray in &self.order[starts[OCTANTS]..count] {
-            query.finish(ray as usize, f32::INFINITY, PrimitiveId::NONE);
-        }
-        if Q::ANY && tree.primitives <= ALIKE_MOST {
-            for octant in starts.windows(2) {
-                self.gather_alike(rays, octant[0]..octant[1]);
-            }
-        }
-        starts
-    }
-}
-
-impl Scratch {
-    /// Where many of the rays at these places of the order have about the same direction, as those towards a small or far
-    /// light have among others, puts them before the others, so that they make groups.
-    #[inline(never)]
-    fn gather_alike(&mut self, rays: &RayBatch<'_>, places: Range<usize>) {
-        let count = places.len();
-        if count < ALIKE_SAMPLE {
-            return;
-        }
-        let len = rays.len;
-        let direction = |ray: U32s| rays.direction.map(|column| gather(&column[..len], ray));
-        // Rays that are spread over all of them.
-        let step = count / (ALIKE_SAMPLE / LANES);
-        let sample: [[F32s; 3]; ALIKE_SAMPLE / LANES] =
-            std::array::from_fn(|k| direction(load_u32(&self.order, places.start + k * step)));
-        let mut best = (0, [0.0; 3]);
-        for vector in &sample {
-            let middle = vector.map(|column| column.as_array()[0]);
-            let alike: usize = sample.iter().map(|d| alike(*d, middle).count()).sum();
-            if alike > best.0 {
-                best = (alike, middle);
-            }
-        }
-        let (alike_count, middle) = best;
-        if !(ALIKE_SAMPLE / 4..ALIKE_SAMPLE * 7 / 8).contains(&alike_count) {
-            return;
-        }
-        let (mut first, mut others) = (places.start, 0);
-        for at in places.clone().step_by(LANES) {
-            let ray = load_u32(&self.order, at);
-            let valid = Mask::first(places.end - at);
-            let like = alike(direction(ray), middle) & valid;
-            compress_u32(&mut self.octant, others, valid & !like, ray);
-            others += (valid & !like).count();
-            // At most what has been read.
-            let mut packed = [0; LANES];
-            compress_u32(&mut packed, 0, like, ray);
-            let count = like.count();
-            self.order[first..first + count].copy_from_slice(&packed[..count]);
-            first += count;
-        }
-        self.order[first..places.end].copy_from_slice(&self.octant[..others]);
-    }
-}
-
-/// Shadow rays towards one light are put together in trees of no more primitives than this. In millions per CPU
-/// second, against leaving them in their order: of Suzanne (968 triangles) 1.17, of the bunny (69 thousand) 0.97,
-/// of Sponza (262 thousand) 1.15, of the dragon (871 thousand) 0.85. The more triangles there are between
-/// neighbouring rays, the sooner groups part.
-const ALIKE_MOST: usize = 500_000;
-
-/// Rays looked at to find out whether many are alike.
-const ALIKE_SAMPLE: usize = 128;
-
-/// Which directions are within a group's spread around `middle`.
-#[inline(always)]
-fn alike(direction: [F32s; 3], middle: [f32; 3]) -> Mask {
-    let near = |k: usize| {
-        let offset = direction[k] - F32s::splat(middle[k]);
-        offset.abs().le(F32s::splat(0.5 * packet::GROUP_SPREAD))
-    };
-    near(0) & near(1) & near(2)
 }
 
 /// The first of these rays, if they follow one another. They are in order.
@@ -323,75 +157,6 @@ fn alike(direction: [F32s; 3], middle: [f32; 3]) -> Mask {
 fn row(ray: U32s) -> Option<usize> {
     let [first, last] = [0, LANES - 1].map(|lane| ray.as_array()[lane] as usize);
     (last == first + LANES - 1).then_some(first)
-}
-
-/// The octant of each direction, or [`OCTANTS`] for rays with NaN or infinity, or without direction.
-#[inline(always)]
-fn octant_of(rays: &RayBatch<'_>, at: usize) -> U32s {
-    let direction = rays.direction.map(|column| load(column, at));
-    let origin = rays.origin.map(|column| load(column, at));
-    let most = F32s::splat(f32::MAX);
-    let finite = |v: [F32s; 3]| v[0].abs().le(most) & v[1].abs().le(most) & v[2].abs().le(most);
-    let zero = F32s::splat(0.0);
-    let moves = direction[0].ne(zero) | direction[1].ne(zero) | direction[2].ne(zero);
-    let sound = finite(origin) & finite(direction) & moves;
-    let sign = |k: usize| (to_bits(direction[k]) >> 31) << k as u32;
-    sound.select_u32(sign(0) | sign(1) | sign(2), U32s::splat(OCTANTS as u32))
-}
-
-/// Makes flights of the rays of a vector of the group, whose directions are of `octant`; they are at no place yet.
-///
-/// Where any hit ends a ray, it looks from its far end on: surfaces next to where it starts are met at grazing
-/// angles, cost visits and seldom stop it. In shadow rays per CPU second: dragon 1.04 (7 % fewer nodes), Suzanne 1.04,
-/// Sponza 1.02, bunny, hairball and teapot 1.01.
-#[inline(always)]
-fn make_flights<Q: Query>(
-    group: &Group,
-    octant: usize,
-    vector: usize,
-    flights: &mut [Flight; GROUP],
-) {
-    let opposite = if Q::ANY { OCTANTS - 1 } else { 0 };
-    let largest = group.largest[vector];
-    let (is_x, is_y) = (largest.eq(U32s::splat(0)), largest.eq(U32s::splat(1)));
-    let framed = |columns: &[packet::Column; 3]| {
-        let [x, y, z] = columns.each_ref().map(|column| column[vector]);
-        let pick = |[a, b, c]: [F32s; 3]| is_x.select(a, is_y.select(b, c));
-        [pick([y, z, x]), pick([z, x, y]), pick([x, y, z])]
-    };
-    let [ox, oy, oz] = framed(&group.origin);
-    let [rx, ry, rz] = framed(&group.reciprocal).map(|r| -r);
-    let [sx, sy, _] = group.shear.each_ref().map(|column| column[vector]);
-    let frames: [[u32; 2]; 3] =
-        [0, 1, 2].map(|axis| bytemuck::cast(Frame::new(octant, octant ^ opposite, axis)));
-    let frame = |word: usize| {
-        let [x, y, z] = frames.map(|words| U32s::splat(words[word]));
-        is_x.select_u32(x, is_y.select_u32(y, z))
-    };
-    let [primitive, ray, frame_low, frame_high] = [
-        group.primitive[vector],
-        group.ray[vector],
-        frame(0),
-        frame(1),
-    ]
-    .map(bytemuck::cast::<U32s, F32s>);
-    let (t, none) = (group.t[vector], F32s::splat(0.0));
-    // In the order of the fields.
-    let columns: [F32s; 16] = [
-        ox, oy, oz, sx, sy, rz, rx, ry, t, primitive, ray, frame_low, frame_high, none, none, none,
-    ];
-    const PARTS: usize = LANES / 8;
-    let columns: [[f32x8; PARTS]; 16] = bytemuck::cast(columns);
-    let flights = flights[vector * LANES..][..LANES].as_chunks_mut::<8>().0;
-    for (part, flights) in flights.iter_mut().enumerate() {
-        let [low, high] = [0, 8].map(|first| {
-            f32x8::transpose([0, 1, 2, 3, 4, 5, 6, 7].map(|k| columns[first + k][part]))
-        });
-        let flights: &mut [[f32x8; 2]; 8] = bytemuck::cast_mut(flights);
-        for k in 0..8 {
-            flights[k] = [low[k], high[k]];
-        }
-    }
 }
 
 /// Flights that do the same next, with room for one more vector of lanes.
@@ -448,6 +213,12 @@ const HITS: usize = 2;
 /// Flights whose rays have their answers.
 const ENDED: usize = 3;
 
+/// The list of flights at a node or leaf.
+#[inline(always)]
+fn list_of(reference: u32) -> usize {
+    if reference & LEAF == 0 { NODES } else { LEAVES }
+}
+
 impl Lists {
     /// Moves the flights of a list to where they go.
     #[inline(always)]
@@ -483,8 +254,8 @@ struct Traversal<'a, 'b, const SPHERES: bool, Q> {
     counters: &'a mut AccelCounters,
     scratch: &'a mut Scratch,
     lists: Lists,
-    /// Places of flights without a ray.
-    free: [u32; IN_FLIGHT],
+    /// Places of flights without a ray, and room for a vector more.
+    free: [u32; IN_FLIGHT + LANES],
     free_len: usize,
     /// Octant of the rays of the group at hand.
     octant: usize,
@@ -513,7 +284,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
             counters,
             scratch,
             lists: Lists([List::EMPTY; 4]),
-            free: std::array::from_fn(|slot| slot as u32 * FLIGHT),
+            free: std::array::from_fn(|slot| slot as u32 % IN_FLIGHT as u32 * FLIGHT),
             free_len: IN_FLIGHT,
             octant: 0,
             alone: 0,
@@ -522,62 +293,128 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         }
     }
 
-    /// Traces the rays of the order, of which those of each octant begin and end at these places.
-    fn run(mut self, octants: [usize; OCTANTS + 1]) {
+    /// Traces the rays: octant by octant where it is told where each begins in the order, as they are otherwise.
+    fn run(mut self, octants: Option<Starts>) {
+        let len = self.rays.len;
+        if let Some(octants) = octants {
+            for &ray in &self.scratch.order.rays[octants[OCTANTS]..len] {
+                self.query
+                    .finish(ray as usize, f32::INFINITY, PrimitiveId::NONE);
+            }
+        }
         let mut next = [DONE; IN_FLIGHT + LANES];
-        let mut waiting = octants[0];
+        let mut waiting = 0;
         loop {
-            loop {
-                if self.alone == 0 {
-                    while self.octant < OCTANTS && waiting == octants[self.octant + 1] {
-                        self.octant += 1;
+            match &octants {
+                Some(octants) => self.take_up(octants, &mut waiting),
+                None => {
+                    while waiting < len && self.free_len >= LANES {
+                        self.take_off_row(waiting);
+                        waiting += LANES;
                     }
-                    if self.octant == OCTANTS {
-                        break;
-                    }
-                    let group = waiting..octants[self.octant + 1].min(waiting + GROUP);
-                    waiting = group.end;
-                    self.begin(group);
-                } else if self.free_len >= LANES.min(self.alone.count_ones() as usize) {
-                    self.take_off();
-                } else {
-                    break;
                 }
             }
             if self.free_len == IN_FLIGHT {
                 break;
             }
-            let (tree, rays) = (self.tree, self.rays);
-            let mut all = self.scratch.flights();
-            let list = &self.lists.0[NODES];
-            self.counters.nodes += list.len as u64;
-            for (flight, current, next) in list.each(&mut next) {
-                *next = all.visit_node::<Q>(tree, flight, current);
-                tree.prefetch(*next);
-            }
-            self.lists.distribute::<NODES>(&next);
-            let mut tests = 0;
-            for (flight, current, next) in self.lists.0[LEAVES].each(&mut next) {
-                *next = all.pass_leaf::<SPHERES>(tree, flight, current, &mut tests);
-                tree.prefetch(*next);
-            }
-            self.counters.tests += tests;
-            self.lists.distribute::<LEAVES>(&next);
-            for (flight, current, next) in self.lists.0[HITS].each(&mut next) {
-                *next = all.visit_leaf::<SPHERES, Q>(tree, rays, self.query, flight, current);
-                tree.prefetch(*next);
-            }
-            self.lists.distribute::<HITS>(&next);
-            let ended = &mut self.lists.0[ENDED];
-            for &place in &ended.flights[..ended.len] {
-                let flight = &all.flights[slot_of(place)];
-                self.query
-                    .finish(flight.ray as usize, flight.t, flight.primitive);
-                self.free[self.free_len] = place;
-                self.free_len += 1;
-            }
-            ended.len = 0;
+            self.advance(&mut next);
         }
+    }
+
+    /// Takes up rays of the order from `waiting` on while there is room in flight.
+    #[inline(always)]
+    fn take_up(&mut self, octants: &Starts, waiting: &mut usize) {
+        loop {
+            if self.alone == 0 {
+                while self.octant < OCTANTS && *waiting == octants[self.octant + 1] {
+                    self.octant += 1;
+                }
+                if self.octant == OCTANTS {
+                    break;
+                }
+                let group = *waiting..octants[self.octant + 1].min(*waiting + GROUP);
+                *waiting = group.end;
+                self.begin(group);
+            } else if self.free_len >= LANES.min(self.alone.count_ones() as usize) {
+                self.take_off();
+            } else {
+                break;
+            }
+        }
+    }
+
+    /// Lets each flight do its next steps.
+    #[inline(always)]
+    fn advance(&mut self, next: &mut Next) {
+        let (tree, rays) = (self.tree, self.rays);
+        let mut all = self.scratch.flights();
+        let list = &self.lists.0[NODES];
+        self.counters.nodes += list.len as u64;
+        for (flight, current, next) in list.each(next) {
+            *next = all.visit_node::<Q>(tree, flight, current);
+            tree.prefetch(*next);
+        }
+        self.lists.distribute::<NODES>(next);
+        let mut tests = 0;
+        for (flight, current, next) in self.lists.0[LEAVES].each(next) {
+            *next = all.pass_leaf::<SPHERES>(tree, flight, current, &mut tests);
+            tree.prefetch(*next);
+        }
+        self.counters.tests += tests;
+        self.lists.distribute::<LEAVES>(next);
+        for (flight, current, next) in self.lists.0[HITS].each(next) {
+            *next = all.visit_leaf::<SPHERES, Q>(tree, rays, self.query, flight, current);
+            tree.prefetch(*next);
+        }
+        self.lists.distribute::<HITS>(next);
+        let ended = &mut self.lists.0[ENDED];
+        for &place in &ended.flights[..ended.len] {
+            let flight = &all.flights[slot_of(place)];
+            self.query
+                .finish(flight.ray as usize, flight.t, flight.primitive);
+            self.free[self.free_len] = place;
+            self.free_len += 1;
+        }
+        ended.len = 0;
+    }
+
+    /// Puts a vector of rays, those from `first` on, in flight at the root.
+    #[inline(always)]
+    fn take_off_row(&mut self, first: usize) {
+        let rays = self.rays;
+        let [origin, direction] =
+            [rays.origin, rays.direction].map(|columns| columns.map(|column| load(column, first)));
+        let [x, y, z] = direction;
+        let (largest, [u, v, _]) = shear_lanes(Vec3s { x, y, z });
+        let octant = load_u32(&self.scratch.order.octant, first);
+        let ray = iota() + U32s::splat(first as u32);
+        self.free_len -= LANES;
+        let places = load_u32(&self.free, self.free_len);
+        let slots = places >> FLIGHT.trailing_zeros();
+        let row = Row {
+            largest,
+            origin,
+            reciprocal: direction.map(|d| F32s::splat(1.0) / d),
+            shear: [u, v],
+            t: self.query.ends(ray),
+            primitive: U32s::splat(PrimitiveId::NONE),
+            ray,
+            octant,
+            top: slots * U32s::splat(self.scratch.stride as u32) + U32s::splat(1),
+        };
+        let flights: &mut [Halves; IN_FLIGHT] = bytemuck::cast_mut(&mut self.scratch.flights);
+        let slots = slots.to_array();
+        row.flights(Q::ANY, |k, flight| {
+            flights[slots[k] as usize % IN_FLIGHT] = flight
+        });
+        let valid = Mask::first(rays.len - first);
+        let sound = octant.lt(U32s::splat(OCTANTS as u32)) & valid;
+        let root = U32s::splat(self.tree.root);
+        self.lists.0[list_of(self.tree.root)].append(sound, places, root);
+        // Those that hit nothing have their answers.
+        self.lists.0[ENDED].append(valid & !sound, places, root);
+        compress_u32(&mut self.free, self.free_len, !valid, places);
+        self.free_len += (!valid).count();
     }
 
     /// Takes up the rays at these places of the order, at most [`GROUP`]: those that can descend together
@@ -620,7 +457,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
     /// Loads `count` rays from a place of the order on into a vector of the group.
     #[inline(always)]
     fn load(&mut self, vector: usize, at: usize, count: usize) {
-        let ray = load_u32(&self.scratch.order, at);
+        let ray = load_u32(&self.scratch.order.rays, at);
         let len = self.rays.len;
         let row = row(ray).filter(|_| count >= LANES);
         let gather3 = |columns: [&[f32]; 3]| match row {
@@ -673,7 +510,10 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         while alone != 0 && free > 0 {
             let vector = alone.trailing_zeros() as usize / LANES;
             if self.ready <= vector {
-                make_flights::<Q>(&scratch.group, self.octant, vector, &mut scratch.ready);
+                let row = scratch.group.row(vector, self.octant);
+                let ready: &mut [Halves; GROUP] = bytemuck::cast_mut(&mut scratch.ready);
+                let ready = &mut ready[vector * LANES..][..LANES];
+                row.flights(Q::ANY, |k, flight| ready[k] = flight);
                 self.ready = vector + 1;
             }
             let mut places = alone & rays_of(vector);
@@ -703,14 +543,11 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
                     }
                     self.tree.prefetch(current);
                 }
-                // By the vectors in which they were written: narrower or wider copies would wait for memory.
-                let flights: &mut [[f32x8; 2]; IN_FLIGHT] =
-                    bytemuck::cast_mut(&mut scratch.flights);
+                let flights: &mut [Halves; IN_FLIGHT] = bytemuck::cast_mut(&mut scratch.flights);
                 flights[slot] = bytemuck::cast(*flight);
                 scratch.flights[slot].top = top as u32;
                 free -= 1;
-                let list = if current & LEAF == 0 { NODES } else { LEAVES };
-                self.lists.0[list].push(at, current);
+                self.lists.0[list_of(current)].push(at, current);
             }
             alone |= places;
         }
