@@ -1,46 +1,41 @@
 //! In which order the rays of a batch take off: by octant of their directions where groups of like rays may come of it,
-//! as they are where not.
-
-use std::ops::Range;
+//! and then the others as they are.
 
 use super::RayBatch;
 use super::octant::OCTANTS;
 use super::packet;
 use super::stream::Packets;
 use crate::math::lanes::{
-    Compare, F32s, LANES, Mask, U32s, compress_u32, gather, iota, load, load_u32, padded,
-    store_u32, to_bits,
+    Compare, F32s, LANES, Mask, U32s, compress_u32, iota, load, load_u32, padded, store_u32,
+    to_bits,
 };
 
-/// Where the rays of each octant begin; last those that hit nothing.
+/// Where in an order the rays of each octant begin that may make groups; last where those begin that take off as they
+/// are. If that is 0, the order is that of the batch.
 pub(super) type Starts = [usize; OCTANTS + 1];
 
 /// Memory of a worker.
 #[derive(Debug, Default)]
 pub(super) struct Order {
-    /// Octants of the rays, [`OCTANTS`] for those that hit nothing. A vector more than there are.
-    pub(super) octant: Vec<u32>,
-    /// Rays by octant.
+    /// The rays in their order, a vector more than there are; unset where that is the order of the batch.
     pub(super) rays: Vec<u32>,
+    /// Octants of the rays, [`OCTANTS`] for those that hit nothing.
+    pub(super) octant: Vec<u32>,
+    /// Octants of rays that may make groups, [`OCTANTS`] for others.
+    group: Vec<u32>,
 }
 
 impl Order {
-    /// Tells the octants and sorts rays by them. `None` where most neighbours are of different ones and few directions
-    /// are alike: such rays take off in the order of the batch, which costs less. Bounces per CPU second over those by
-    /// octant: Sponza 1.10, Suzanne 1.10, teapot 1.10, bunny 1.05, dragon 1.06, hairball 1.00; shuffled ones
-    /// 1.01, 1.07, 1.06, 1.03, 1.02, 1.00.
-    ///
-    /// `alike` asks for [`Self::gather_alike`].
-    pub(super) fn arrange(
-        &mut self,
-        rays: &RayBatch<'_>,
-        packets: Packets,
-        alike: bool,
-    ) -> Option<Starts> {
+    /// Tells octants and orders the rays. Where most neighbours are of different octants, only those make groups whose
+    /// directions are alike if `alike` asks for that, and the others take off as they are, which costs less. Bounces per
+    /// CPU second over those by octant: Sponza 1.10, Suzanne 1.10, teapot 1.10, bunny 1.05, dragon 1.06, hairball 1.00;
+    /// shuffled ones 1.01, 1.07, 1.06, 1.03, 1.02, 1.00.
+    pub(super) fn arrange(&mut self, rays: &RayBatch<'_>, packets: Packets, alike: bool) -> Starts {
         let room = padded(rays.len) + LANES;
         if self.rays.len() < room {
-            self.rays.resize(room, 0);
-            self.octant.resize(room, 0);
+            for column in [&mut self.rays, &mut self.octant, &mut self.group] {
+                column.resize(room, 0);
+            }
         }
         let (mut present, mut mixed) = (0, 0);
         for at in (0..rays.len).step_by(LANES) {
@@ -56,12 +51,19 @@ impl Order {
                 u32::MAX
             };
         }
+        let mut key = &self.octant;
         if packets == Packets::Coherent && 2 * mixed > rays.len / LANES {
-            let step = rays.len / SAMPLE_VECTORS;
-            let sample = |k: usize| iota() + U32s::splat((k * step) as u32);
-            if !alike || step < LANES || most_alike(rays, sample).0 < SAMPLE / 8 {
-                return None;
+            let middle = if alike { most_alike(rays) } else { None };
+            let Some(middle) = middle else {
+                return [0; OCTANTS + 1];
+            };
+            let none = U32s::splat(OCTANTS as u32);
+            for at in (0..rays.len).step_by(LANES) {
+                let like = like(rays.direction.map(|column| load(column, at)), middle);
+                let octant = load_u32(&self.octant, at);
+                store_u32(&mut self.group, at, like.select_u32(octant, none));
             }
+            key = &self.group;
         }
         let mut starts = [0; OCTANTS + 1];
         let mut count = 0;
@@ -71,50 +73,14 @@ impl Order {
                 continue;
             }
             for at in (0..rays.len).step_by(LANES) {
-                let here = load_u32(&self.octant, at).eq(U32s::splat(octant as u32))
-                    & Mask::first(rays.len - at);
+                let here =
+                    load_u32(key, at).eq(U32s::splat(octant as u32)) & Mask::first(rays.len - at);
                 let ray = iota() + U32s::splat(at as u32);
                 compress_u32(&mut self.rays, count, here, ray);
                 count += here.count();
             }
         }
-        if alike {
-            for octant in starts.windows(2) {
-                self.gather_alike(rays, octant[0]..octant[1]);
-            }
-        }
-        Some(starts)
-    }
-
-    /// Where many of the rays at these places of the order have about the same direction, as those towards a small or far
-    /// light have among others, puts them before the others, so that they make groups.
-    #[inline(never)]
-    fn gather_alike(&mut self, rays: &RayBatch<'_>, places: Range<usize>) {
-        let count = places.len();
-        if count < SAMPLE {
-            return;
-        }
-        // Rays that are spread over all of them.
-        let step = count / SAMPLE_VECTORS;
-        let (like, middle) = most_alike(rays, |k| load_u32(&self.rays, places.start + k * step));
-        if !(SAMPLE / 4..SAMPLE * 7 / 8).contains(&like) {
-            return;
-        }
-        let (mut first, mut others) = (places.start, 0);
-        for at in places.clone().step_by(LANES) {
-            let ray = load_u32(&self.rays, at);
-            let valid = Mask::first(places.end - at);
-            let like = alike(directions(rays, ray), middle) & valid;
-            compress_u32(&mut self.octant, others, valid & !like, ray);
-            others += (valid & !like).count();
-            // At most what has been read.
-            let mut packed = [0; LANES];
-            compress_u32(&mut packed, 0, like, ray);
-            let count = like.count();
-            self.rays[first..first + count].copy_from_slice(&packed[..count]);
-            first += count;
-        }
-        self.rays[first..places.end].copy_from_slice(&self.octant[..others]);
+        starts
     }
 }
 
@@ -129,29 +95,29 @@ pub(super) const ALIKE_MOST: usize = 500_000;
 const SAMPLE: usize = 128;
 const SAMPLE_VECTORS: usize = SAMPLE / LANES;
 
-/// How many directions of a sample are alike at most, and one in their middle. `sample` gives rays, vector by vector.
-fn most_alike(rays: &RayBatch<'_>, sample: impl Fn(usize) -> U32s) -> (usize, [f32; 3]) {
-    let sample: [[F32s; 3]; SAMPLE_VECTORS] = std::array::from_fn(|k| directions(rays, sample(k)));
-    let mut best = (0, [0.0; 3]);
+/// The middle of directions that many rays have, if many are alike: those towards a small or far light among others.
+fn most_alike(rays: &RayBatch<'_>) -> Option<[f32; 3]> {
+    // Whole vectors spread over all.
+    let step = rays.len / SAMPLE_VECTORS;
+    if step < LANES {
+        return None;
+    }
+    let vector = |k: usize| rays.direction.map(|column| load(column, k * step));
+    let sample: [[F32s; 3]; SAMPLE_VECTORS] = std::array::from_fn(vector);
+    let mut best = (SAMPLE / 8, None);
     for vector in &sample {
         let middle = vector.map(|column| column.as_array()[0]);
-        let count: usize = sample.iter().map(|d| alike(*d, middle).count()).sum();
+        let count: usize = sample.iter().map(|d| like(*d, middle).count()).sum();
         if count > best.0 {
-            best = (count, middle);
+            best = (count, Some(middle));
         }
     }
-    best
-}
-
-#[inline(always)]
-fn directions(rays: &RayBatch<'_>, ray: U32s) -> [F32s; 3] {
-    rays.direction
-        .map(|column| gather(&column[..rays.len], ray))
+    best.1
 }
 
 /// Which directions are within a group's spread around `middle`.
 #[inline(always)]
-fn alike(direction: [F32s; 3], middle: [f32; 3]) -> Mask {
+fn like(direction: [F32s; 3], middle: [f32; 3]) -> Mask {
     let near = |k: usize| {
         let offset = direction[k] - F32s::splat(middle[k]);
         offset.abs().le(F32s::splat(0.5 * packet::GROUP_SPREAD))
@@ -185,7 +151,7 @@ mod tests {
         direction: impl Fn(usize, &mut Rng) -> [f32; 3],
         packets: Packets,
         alike: bool,
-    ) -> Option<Starts> {
+    ) -> Starts {
         let mut rng = Rng(3);
         let mut columns = [0; 3].map(|_| vec![0.0; padded(RAYS) + LANES]);
         for ray in (0..RAYS).filter(|&ray| ray != 500) {
@@ -201,8 +167,10 @@ mod tests {
             skip: &[],
         };
         let mut order = Order::default();
-        let starts = order.arrange(&rays, packets, alike)?;
-        assert_eq!(order.rays[starts[OCTANTS]..RAYS], [500]);
+        let starts = order.arrange(&rays, packets, alike);
+        if starts[OCTANTS] == 0 {
+            return starts;
+        }
         let mut all = order.rays[..RAYS].to_vec();
         for (octant, places) in starts.windows(2).enumerate() {
             for &ray in &order.rays[places[0]..places[1]] {
@@ -210,9 +178,10 @@ mod tests {
                 assert_eq!(negative(0) | negative(1) | negative(2), octant);
             }
         }
+        assert!(all[starts[OCTANTS]..].contains(&500));
         all.sort_unstable();
         assert!(all.into_iter().eq(0..RAYS as u32), "each ray once");
-        Some(starts)
+        starts
     }
 
     fn everywhere(_: usize, rng: &mut Rng) -> [f32; 3] {
@@ -221,15 +190,18 @@ mod tests {
 
     #[test]
     fn rays_in_all_directions_take_off_as_they_are_unless_groups_are_asked_for() {
-        assert!(arrange(everywhere, Packets::Coherent, false).is_none());
-        assert!(arrange(everywhere, Packets::Coherent, true).is_none());
-        assert!(arrange(everywhere, Packets::Always, false).is_some());
+        assert_eq!(arrange(everywhere, Packets::Coherent, false)[OCTANTS], 0);
+        assert_eq!(arrange(everywhere, Packets::Coherent, true)[OCTANTS], 0);
+        assert_eq!(
+            arrange(everywhere, Packets::Always, false)[OCTANTS],
+            RAYS - 1
+        );
     }
 
     #[test]
     fn rays_of_few_octants_and_rays_towards_one_light_are_sorted() {
         let one = |_: usize, rng: &mut Rng| [0; 3].map(|_| rng.uniform() + 0.1);
-        assert!(arrange(one, Packets::Coherent, false).is_some());
+        assert_eq!(arrange(one, Packets::Coherent, false)[OCTANTS], RAYS - 1);
         let blocks = |ray: usize, rng: &mut Rng| {
             let sign = if (ray / 100).is_multiple_of(2) {
                 1.0
@@ -238,7 +210,7 @@ mod tests {
             };
             [0; 3].map(|_| sign * (rng.uniform() + 0.1))
         };
-        assert!(arrange(blocks, Packets::Coherent, false).is_some());
+        assert_eq!(arrange(blocks, Packets::Coherent, false)[OCTANTS], RAYS - 1);
         let towards_a_light = |ray: usize, rng: &mut Rng| {
             if ray.is_multiple_of(2) {
                 [0.6, 0.6, 0.5]
@@ -246,7 +218,11 @@ mod tests {
                 everywhere(ray, rng)
             }
         };
-        assert!(arrange(towards_a_light, Packets::Coherent, false).is_none());
-        assert!(arrange(towards_a_light, Packets::Coherent, true).is_some());
+        assert_eq!(
+            arrange(towards_a_light, Packets::Coherent, false)[OCTANTS],
+            0
+        );
+        let grouped = arrange(towards_a_light, Packets::Coherent, true)[OCTANTS];
+        assert!((RAYS / 2 - 1..RAYS * 5 / 8).contains(&grouped), "{grouped}");
     }
 }

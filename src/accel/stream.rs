@@ -293,25 +293,20 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         }
     }
 
-    /// Traces the rays: octant by octant where it is told where each begins in the order, as they are otherwise.
-    fn run(mut self, octants: Option<Starts>) {
-        let len = self.rays.len;
-        if let Some(octants) = octants {
-            for &ray in &self.scratch.order.rays[octants[OCTANTS]..len] {
-                self.query
-                    .finish(ray as usize, f32::INFINITY, PrimitiveId::NONE);
-            }
-        }
+    /// Traces the rays of the order.
+    fn run(mut self, octants: Starts) {
         let mut next = [DONE; IN_FLIGHT + LANES];
         let mut waiting = 0;
         loop {
-            match &octants {
-                Some(octants) => self.take_up(octants, &mut waiting),
-                None => {
-                    while waiting < len && self.free_len >= LANES {
-                        self.take_off_row(waiting);
-                        waiting += LANES;
+            self.take_up(&octants, &mut waiting);
+            if self.octant == OCTANTS {
+                while waiting < self.rays.len && self.free_len >= LANES {
+                    if octants[OCTANTS] == 0 {
+                        self.take_off_at(waiting);
+                    } else {
+                        self.take_off_ordered(waiting);
                     }
+                    waiting += LANES;
                 }
             }
             if self.free_len == IN_FLIGHT {
@@ -326,7 +321,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
     fn take_up(&mut self, octants: &Starts, waiting: &mut usize) {
         loop {
             if self.alone == 0 {
-                while self.octant < OCTANTS && *waiting == octants[self.octant + 1] {
+                while self.octant < OCTANTS && *waiting >= octants[self.octant + 1] {
                     self.octant += 1;
                 }
                 if self.octant == OCTANTS {
@@ -378,16 +373,36 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         ended.len = 0;
     }
 
-    /// Puts a vector of rays, those from `first` on, in flight at the root.
+    /// Puts a vector of rays, those from a place of the order on, in flight at the root.
+    #[inline(never)]
+    fn take_off_ordered(&mut self, at: usize) {
+        let valid = Mask::first(self.rays.len - at);
+        let (ray, rays) = self.fetch(at, valid);
+        let octant = gather_u32(&self.scratch.order.octant, ray);
+        self.take_off_row(ray, rays, octant, valid);
+    }
+
+    /// As [`Self::take_off_ordered`], where the order is that of the batch.
     #[inline(always)]
-    fn take_off_row(&mut self, first: usize) {
-        let rays = self.rays;
-        let [origin, direction] =
-            [rays.origin, rays.direction].map(|columns| columns.map(|column| load(column, first)));
+    fn take_off_at(&mut self, at: usize) {
+        let valid = Mask::first(self.rays.len - at);
+        let rays = [self.rays.origin, self.rays.direction]
+            .map(|columns| columns.map(|column| load(column, at)));
+        let octant = load_u32(&self.scratch.order.octant, at);
+        self.take_off_row(iota() + U32s::splat(at as u32), rays, octant, valid);
+    }
+
+    /// Puts rays in flight at the root.
+    #[inline(always)]
+    fn take_off_row(
+        &mut self,
+        ray: U32s,
+        [origin, direction]: [[F32s; 3]; 2],
+        octant: U32s,
+        valid: Mask,
+    ) {
         let [x, y, z] = direction;
         let (largest, [u, v, _]) = shear_lanes(Vec3s { x, y, z });
-        let octant = load_u32(&self.scratch.order.octant, first);
-        let ray = iota() + U32s::splat(first as u32);
         self.free_len -= LANES;
         let places = load_u32(&self.free, self.free_len);
         let slots = places >> FLIGHT.trailing_zeros();
@@ -407,7 +422,6 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         row.flights(Q::ANY, |k, flight| {
             flights[slots[k] as usize % IN_FLIGHT] = flight
         });
-        let valid = Mask::first(rays.len - first);
         let sound = octant.lt(U32s::splat(OCTANTS as u32)) & valid;
         let root = U32s::splat(self.tree.root);
         self.lists.0[list_of(self.tree.root)].append(sound, places, root);
@@ -423,7 +437,9 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
     fn begin(&mut self, places: Range<usize>) {
         let all = Rays::MAX >> (GROUP - places.len());
         for (vector, at) in places.clone().step_by(LANES).enumerate() {
-            self.load(vector, at, places.end - at);
+            let (ray, rays) = self.fetch(at, Mask::first(places.end - at));
+            let ends = self.query.ends(ray);
+            self.scratch.group.set(vector, ray, rays, ends);
         }
         self.alone = all;
         self.descended = 0;
@@ -454,20 +470,17 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         }
     }
 
-    /// Loads `count` rays from a place of the order on into a vector of the group.
+    /// Rays from a place of the order on, with their origins and directions; anything in other lanes than these.
     #[inline(always)]
-    fn load(&mut self, vector: usize, at: usize, count: usize) {
+    fn fetch(&self, at: usize, lanes: Mask) -> (U32s, [[F32s; 3]; 2]) {
         let ray = load_u32(&self.scratch.order.rays, at);
         let len = self.rays.len;
-        let row = row(ray).filter(|_| count >= LANES);
-        let gather3 = |columns: [&[f32]; 3]| match row {
+        let row = row(ray).filter(|_| lanes == Mask::ALL);
+        let fetch3 = |columns: [&[f32]; 3]| match row {
             Some(first) => columns.map(|column| load(column, first)),
             None => columns.map(|column| gather(&column[..len], ray)),
         };
-        let rays = [gather3(self.rays.origin), gather3(self.rays.direction)];
-        self.scratch
-            .group
-            .set(vector, ray, rays, self.query.ends(ray));
+        (ray, [self.rays.origin, self.rays.direction].map(fetch3))
     }
 
     /// Lets these rays descend together if they can; whether they did.
