@@ -88,7 +88,8 @@ impl Order {
 /// second, against letting all take off in the order of the batch: of Suzanne (968 triangles) 1.06, of the teapot
 /// (6 thousand) 1.04, of the bunny (69 thousand) 0.89, of Sponza (262 thousand) 1.03, of the dragon (871 thousand) 0.90,
 /// of the hairball (3 million) 0.97. The more triangles there are between neighbouring rays, the sooner groups part;
-/// Sponza has large ones.
+/// Sponza has large ones. Measured with the other rays by octant; that they take off as they are has since given Suzanne
+/// 1.03, the bunny 1.02 and Sponza 1.04 more.
 pub(super) const ALIKE_MOST: usize = 500_000;
 
 /// Rays looked at to find out whether many are alike.
