@@ -223,7 +223,7 @@ impl<'a> Leaf<'a> {
         reason = "checks of nine rows take as long as their reading"
     )]
     #[inline(always)]
-    unsafe fn words(&self, first: usize, more: usize) -> f32x8 {
+    pub(super) unsafe fn row_at(&self, first: usize, more: usize) -> f32x8 {
         debug_assert!(first + more < TRIANGLE_WORDS);
         // SAFETY: a vector after the last row is within `words`, and so is one within a row.
         unsafe {
@@ -248,22 +248,7 @@ impl<'a> Leaf<'a> {
     pub(super) fn row(&self, axis: usize, corner: usize) -> f32x8 {
         assert!(axis < 3 && corner < 3);
         // SAFETY: so many rows there are.
-        unsafe { self.row_from(Self::first_row(axis), corner) }
-    }
-
-    /// As [`Self::row`], along the axis of a [`Self::first_row`].
-    ///
-    /// # Safety
-    /// `first` is that of an axis, and there are three corners.
-    #[expect(
-        unsafe_code,
-        reason = "checks of nine rows take as long as their reading"
-    )]
-    #[inline(always)]
-    pub(super) unsafe fn row_from(&self, first: usize, corner: usize) -> f32x8 {
-        debug_assert!((0..3).any(|axis| first == Self::first_row(axis)) && corner < 3);
-        // SAFETY: by this function's condition.
-        unsafe { self.words(first, corner) }
+        unsafe { self.row_at(Self::first_row(axis), corner) }
     }
 
     /// Which lanes have a triangle.
@@ -280,7 +265,7 @@ impl<'a> Leaf<'a> {
     #[inline(always)]
     pub(super) fn ids(&self) -> [u32; LEAF_SIZE] {
         // SAFETY: the first row there is.
-        bytemuck::cast(unsafe { self.words(0, 0) })
+        bytemuck::cast(unsafe { self.row_at(0, 0) })
     }
 
     /// Id of one triangle.

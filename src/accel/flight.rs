@@ -6,7 +6,7 @@ use super::blocks::{Leaf, Node};
 use super::collapse::WIDTH;
 use super::octant::OCTANTS;
 use crate::geometry::triangle::FramedRay;
-use crate::math::lanes::{Compare, F32s, LANES, Mask, U32s};
+use crate::math::lanes::{F32s, LANES, Mask, U32s};
 
 /// A ray in flight. Axes are those of [`FramedRay`].
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -48,7 +48,7 @@ impl Frame {
     pub(super) fn row(&self, leaf: &Leaf<'_>, k: usize, corner: usize) -> f32x8 {
         assert!(corner < 3);
         // SAFETY: these are rows of axes, by `Row::flights`.
-        unsafe { leaf.row_from(usize::from(self.rows[k]), corner) }
+        unsafe { leaf.row_at(usize::from(self.rows[k]), corner) }
     }
 }
 
@@ -122,12 +122,6 @@ impl Row {
             }
         }
     }
-}
-
-/// Which lanes are at each axis.
-#[inline(always)]
-pub(super) fn at_axes(largest: U32s) -> [Mask; 3] {
-    [0, 1, 2].map(|axis| largest.eq(U32s::splat(axis)))
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use wide::{f32x4, f32x8, i8x16};
 
 use super::AccelCounters;
 use super::blocks::{Blocks, LEAF, Leaf, Node};
-use super::flight::{Row, at_axes};
+use super::flight::Row;
 use super::octant::{NEAREST, ORDER, Sides};
 use super::stream::Query;
 use crate::geometry::PrimitiveId;
@@ -132,7 +132,7 @@ impl Group {
         let at = |columns: &[Column; 3]| columns.each_ref().map(|column| column[vector]);
         let [u, v, _] = at(&self.shear);
         Row {
-            largest: at_axes(self.largest[vector]),
+            largest: [0, 1, 2].map(|axis| self.largest[vector].eq(U32s::splat(axis))),
             origin: at(&self.origin),
             reciprocal: at(&self.reciprocal),
             shear: [u, v],

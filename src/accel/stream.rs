@@ -1,6 +1,7 @@
 //! Traversal of the 8-wide tree by a queue of rays. A few dozen rays are in flight at once, each advanced by one node
-//! or one leaf at a time, so that the latencies of one ray pass while others are computed. No store in these loops has an address that depends on the outcome of an earlier step:
-//! the processor would hold back every later load until it knew it.
+//! or one leaf at a time, so that the latencies of one ray pass while others are computed. No store in these loops has
+//! an address that depends on the outcome of an earlier step: the processor would hold back every later load until it
+//! knew it.
 
 use std::cell::RefCell;
 use std::hint::select_unpredictable;
@@ -519,9 +520,10 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
     fn take_off(&mut self) {
         let scratch = &mut *self.scratch;
         let (mut alone, mut free) = (self.alone, self.free_len);
-        let root = self.tree.root;
         while alone != 0 && free > 0 {
-            let vector = alone.trailing_zeros() as usize / LANES;
+            let place = alone.trailing_zeros() as usize % GROUP;
+            alone &= alone - 1;
+            let vector = place / LANES;
             if self.ready <= vector {
                 let row = scratch.group.row(vector, self.octant);
                 let ready: &mut [Halves; GROUP] = bytemuck::cast_mut(&mut scratch.ready);
@@ -529,40 +531,33 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
                 row.flights(Q::ANY, |k, flight| ready[k] = flight);
                 self.ready = vector + 1;
             }
-            let mut places = alone & rays_of(vector);
-            alone ^= places;
-            while places != 0 && free > 0 {
-                let place = places.trailing_zeros() as usize % GROUP;
-                places &= places - 1;
-                let flight = &scratch.ready[place];
-                let at = self.free[free - 1];
-                let slot = slot_of(at);
-                let mut top = slot * scratch.stride + 1;
-                let mut current = root;
-                if self.descended >> place & 1 != 0 {
-                    // The last that the group came to is the first to be put aside.
-                    let pending = &scratch.packet.pending[place];
-                    for k in (0..usize::from(scratch.packet.counts[place])).rev() {
-                        scratch.stack_t[top] = pending.t[k];
-                        scratch.stack[top] = pending.reference[k];
-                        top += usize::from(pending.t[k] <= flight.t * FAR_PADDING);
-                    }
-                    top -= 1;
-                    current = scratch.stack[top];
-                    if current == DONE {
-                        self.query
-                            .finish(flight.ray as usize, flight.t, flight.primitive);
-                        continue;
-                    }
-                    self.tree.prefetch(current);
+            let flight = &scratch.ready[place];
+            let at = self.free[free - 1];
+            let slot = slot_of(at);
+            let mut top = slot * scratch.stride + 1;
+            let mut current = self.tree.root;
+            if self.descended >> place & 1 != 0 {
+                // The last that the group came to is the first to be put aside.
+                let pending = &scratch.packet.pending[place];
+                for k in (0..usize::from(scratch.packet.counts[place])).rev() {
+                    scratch.stack_t[top] = pending.t[k];
+                    scratch.stack[top] = pending.reference[k];
+                    top += usize::from(pending.t[k] <= flight.t * FAR_PADDING);
                 }
-                let flights: &mut [Halves; IN_FLIGHT] = bytemuck::cast_mut(&mut scratch.flights);
-                flights[slot] = bytemuck::cast(*flight);
-                scratch.flights[slot].top = top as u32;
-                free -= 1;
-                self.lists.0[list_of(current)].push(at, current);
+                top -= 1;
+                current = scratch.stack[top];
+                if current == DONE {
+                    self.query
+                        .finish(flight.ray as usize, flight.t, flight.primitive);
+                    continue;
+                }
+                self.tree.prefetch(current);
             }
-            alone |= places;
+            let flights: &mut [Halves; IN_FLIGHT] = bytemuck::cast_mut(&mut scratch.flights);
+            flights[slot] = bytemuck::cast(*flight);
+            scratch.flights[slot].top = top as u32;
+            free -= 1;
+            self.lists.0[list_of(current)].push(at, current);
         }
         (self.alone, self.free_len) = (alone, free);
     }

@@ -41,11 +41,6 @@ enum Axis {
     Z,
 }
 
-/// Axes taken as x, y and z where z is this one.
-pub const fn frame_axes(z: usize) -> [usize; 3] {
-    [(z + 1) % 3, (z + 2) % 3, z]
-}
-
 impl Axis {
     /// The axes in the order of a frame whose z axis is this one.
     const FRAMES: [[Self; 3]; 3] = [
@@ -53,6 +48,12 @@ impl Axis {
         [Self::Z, Self::X, Self::Y],
         [Self::X, Self::Y, Self::Z],
     ];
+}
+
+/// The axes of space taken as x, y and z where z is this one, which is less than 3.
+pub const fn frame_axes(z: usize) -> [usize; 3] {
+    let [x, y, z] = Axis::FRAMES[z];
+    [x as usize, y as usize, z as usize]
 }
 
 impl ShearRay {
@@ -350,18 +351,24 @@ mod tests {
     use super::*;
     use crate::geometry::testing::Rng;
 
+    /// A point of a cube; in even rounds of a small integer grid, which meets edges and corners exactly.
+    fn point(rng: &mut Rng, round: usize, scale: f32) -> [f32; 3] {
+        [0; 3].map(|_| {
+            let x = (rng.uniform() - 0.5) * scale;
+            if round.is_multiple_of(2) {
+                (x * 2.0).round()
+            } else {
+                x
+            }
+        })
+    }
+
     #[test]
     fn the_pack_gives_the_same_bits_as_the_single_test() {
         let mut rng = Rng(1);
         let mut hits = 0;
         for round in 0..20_000 {
-            // Rounds on a small integer grid meet edges and corners exactly.
-            let grid = round % 2 == 0;
-            let mut coordinate = |scale: f32| {
-                let x = (rng.uniform() - 0.5) * scale;
-                if grid { (x * 2.0).round() } else { x }
-            };
-            let mut point = |scale| [coordinate(scale), coordinate(scale), coordinate(scale)];
+            let mut point = |scale| point(&mut rng, round, scale);
             let triangles: Vec<Triangle> = (0..LANES - 1)
                 .map(|_| Triangle {
                     corners: [point(8.0), point(8.0), point(8.0)],
@@ -391,13 +398,7 @@ mod tests {
         let mut rng = Rng(2);
         let (mut hits, mut may, mut all) = (0, 0, 0);
         for round in 0..20_000 {
-            // Rounds on a small integer grid meet edges and corners exactly.
-            let grid = round % 2 == 0;
-            let mut coordinate = |scale: f32| {
-                let x = (rng.uniform() - 0.5) * scale;
-                if grid { (x * 2.0).round() } else { x }
-            };
-            let mut point = |scale| [coordinate(scale), coordinate(scale), coordinate(scale)];
+            let mut point = |scale| point(&mut rng, round, scale);
             let pack = TrianglePack::new((0..LANES as u32).map(|id| {
                 let corners = [point(8.0), point(8.0), point(8.0)];
                 (id, Triangle { corners })
