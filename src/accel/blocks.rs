@@ -62,6 +62,8 @@ pub(super) struct Blocks {
     pub(super) root: u32,
     /// Longest side of the box around all.
     pub(super) size: f32,
+    /// Largest size of a coordinate.
+    pub(super) farthest: f32,
     /// Primitives in leaves.
     pub(super) primitives: usize,
     /// Most entries that a traversal puts aside.
@@ -82,6 +84,7 @@ impl Blocks {
                 lines: Vec::new(),
                 root: DONE,
                 size: 0.0,
+                farthest: 0.0,
                 primitives: 0,
                 stack_bound: WIDTH,
                 has_spheres: false,
@@ -123,6 +126,11 @@ impl Blocks {
             lines,
             root,
             size: bounds.longest_side(),
+            farthest: bounds
+                .corners
+                .as_flattened()
+                .iter()
+                .fold(0.0, |most, x| f32::max(most, x.abs())),
             primitives: tree.order.len(),
             // Each level leaves at most all but one of its children behind.
             stack_bound: tree.depth * (WIDTH - 1) + 1,
@@ -146,50 +154,58 @@ impl Blocks {
         bytemuck::cast_ref(lines)
     }
 
-    /// As [`Self::node`], unchecked.
-    ///
-    /// # Safety
-    /// `reference` is the root or a child of some node, and no leaf.
-    #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
-    #[inline(always)]
-    pub(super) unsafe fn node_unchecked(&self, reference: u32) -> &Node {
-        let words: &[f32] = bytemuck::cast_slice(&self.lines);
-        debug_assert!(first_word(reference) + NODE_LINES * LINE <= words.len());
-        // SAFETY: nodes lie within the lines at whole lines, and a node is as many lines of the same alignment.
-        unsafe { &*words.as_ptr().add(first_word(reference)).cast::<Node>() }
-    }
-
-    /// As [`Self::leaf`], unchecked.
-    ///
-    /// # Safety
-    /// `reference` is the root or a child of some node, and a leaf.
-    #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
-    #[inline(always)]
-    pub(super) unsafe fn leaf_unchecked(&self, reference: u32) -> Leaf<'_> {
-        let words: &[f32] = bytemuck::cast_slice(&self.lines);
-        // SAFETY: leaves lie within the words, and a line follows the last.
-        let words = unsafe { words.get_unchecked(first_word(reference)..) };
-        // SAFETY: as before.
-        let (header, words) = unsafe { (*words.get_unchecked(0), words.get_unchecked(1..)) };
-        Leaf::new(header, words)
-    }
-
     /// The leaf of a reference with [`LEAF`], which must not be [`DONE`].
     #[inline(always)]
     pub(super) fn leaf(&self, reference: u32) -> Leaf<'_> {
         let words: &[f32] = bytemuck::cast_slice(&self.lines);
         let words = &words[first_word(reference)..];
-        let leaf = Leaf::new(words[0], &words[1..]);
+        let leaf = Leaf::new(&words[0], &words[1..]);
         assert!(TRIANGLE_WORDS * leaf.triangles + LEAF_SIZE <= leaf.words.len());
         leaf
     }
 
+    /// All words, for the loops of a traversal.
+    #[inline(always)]
+    pub(super) fn words(&self) -> Words<'_> {
+        Words(bytemuck::cast_slice(&self.lines))
+    }
+}
+
+/// The words of a tree. Loops hold them: their place would be read again after whatever is written in between.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Words<'a>(&'a [f32]);
+
+impl<'a> Words<'a> {
+    /// As [`Blocks::node`], unchecked.
+    ///
+    /// # Safety
+    /// `reference` is the root or a child of some node, and no leaf.
+    #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
+    #[inline(always)]
+    pub(super) unsafe fn node(self, reference: u32) -> &'a Node {
+        debug_assert!(first_word(reference) + NODE_LINES * LINE <= self.0.len());
+        // SAFETY: nodes lie within the words at whole lines, and a node is as many lines of the same alignment.
+        unsafe { &*self.0.as_ptr().add(first_word(reference)).cast::<Node>() }
+    }
+
+    /// As [`Blocks::leaf`], unchecked.
+    ///
+    /// # Safety
+    /// `reference` is the root or a child of some node, and a leaf.
+    #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
+    #[inline(always)]
+    pub(super) unsafe fn leaf(self, reference: u32) -> Leaf<'a> {
+        // SAFETY: leaves lie within the words, and a line follows the last.
+        let words = unsafe { self.0.get_unchecked(first_word(reference)..) };
+        // SAFETY: as before.
+        unsafe { Leaf::new(words.get_unchecked(0), words.get_unchecked(1..)) }
+    }
+
     /// Asks for the first four cache lines of what is referred to.
     #[inline(always)]
-    pub(super) fn prefetch(&self, reference: u32) {
-        let words: &[f32] = bytemuck::cast_slice(&self.lines);
+    pub(super) fn prefetch(self, reference: u32) {
         for line in 0..NODE_LINES {
-            crate::math::prefetch(words, first_word(reference) + line * LINE);
+            crate::math::prefetch(self.0, first_word(reference) + line * LINE);
         }
     }
 }
@@ -202,14 +218,15 @@ fn first_word(reference: u32) -> usize {
 }
 
 impl<'a> Leaf<'a> {
-    /// From the bits of its first word, the triangles in the low byte and the spheres in the next, and the words after
+    /// From its first word, of which the first byte counts triangles and the next spheres, and the words after
     /// it, which end no earlier than a vector of [`LEAF_SIZE`] words after the triangles does.
     #[inline(always)]
-    fn new(header: f32, words: &'a [f32]) -> Self {
-        let header = header.to_bits();
+    fn new(header: &f32, words: &'a [f32]) -> Self {
+        // A read for each count, not one of which both are made.
+        let [triangles, spheres, ..]: &[u8; 4] = bytemuck::cast_ref(header);
         Self {
-            triangles: (header & 0xff) as usize,
-            spheres: (header >> 8) as usize,
+            triangles: usize::from(*triangles),
+            spheres: usize::from(*spheres),
             words,
         }
     }

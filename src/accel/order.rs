@@ -65,6 +65,13 @@ impl Order {
             }
             key = &self.group;
         }
+        if present.is_power_of_two() {
+            for at in (0..rays.len).step_by(LANES) {
+                store_u32(&mut self.rays, at, iota() + U32s::splat(at as u32));
+            }
+            let only = present.trailing_zeros() as usize;
+            return std::array::from_fn(|octant| if octant > only { rays.len } else { 0 });
+        }
         let mut starts = [0; OCTANTS + 1];
         let mut count = 0;
         for (octant, start) in starts.iter_mut().enumerate() {
@@ -130,12 +137,15 @@ fn like(direction: [F32s; 3], middle: [f32; 3]) -> Mask {
 #[inline(always)]
 fn octant_of(rays: &RayBatch<'_>, at: usize) -> U32s {
     let direction = rays.direction.map(|column| load(column, at));
-    let origin = rays.origin.map(|column| load(column, at));
-    let most = F32s::splat(f32::MAX);
-    let finite = |v: [F32s; 3]| v[0].abs().le(most) & v[1].abs().le(most) & v[2].abs().le(most);
+    let [ox, oy, oz] = rays.origin.map(|column| load(column, at));
+    let [x, y, z] = direction;
+    // NaN where one of them is NaN or infinity.
     let zero = F32s::splat(0.0);
-    let moves = direction[0].ne(zero) | direction[1].ne(zero) | direction[2].ne(zero);
-    let sound = finite(origin) & finite(direction) & moves;
+    let sum = [y, z, ox, oy, oz]
+        .into_iter()
+        .fold(x * zero, |sum, number| number.mul_add(zero, sum));
+    let moves = bytemuck::cast::<U32s, F32s>(to_bits(x) | to_bits(y) | to_bits(z));
+    let sound = sum.eq(zero) & moves.ne(zero);
     let sign = |k: usize| (to_bits(direction[k]) >> 31) << k as u32;
     sound.select_u32(sign(0) | sign(1) | sign(2), U32s::splat(OCTANTS as u32))
 }

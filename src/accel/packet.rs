@@ -106,11 +106,12 @@ impl Group {
     ) {
         let one = F32s::splat(1.0);
         let [x, y, z] = direction;
-        let ([_, is_y, is_z], shear) = shear_lanes(Vec3s { x, y, z });
+        let reciprocal = direction.map(|d| one / d);
+        let ([_, is_y, is_z], shear) = shear_lanes(Vec3s { x, y, z }, reciprocal);
         for axis in 0..3 {
             self.origin[axis][vector] = origin[axis];
             self.direction[axis][vector] = direction[axis];
-            self.reciprocal[axis][vector] = one / direction[axis];
+            self.reciprocal[axis][vector] = reciprocal[axis];
             self.shear[axis][vector] = shear[axis];
         }
         let place = is_z.select_u32(U32s::splat(2), U32s::splat(0));
@@ -294,14 +295,14 @@ impl Group {
         ray: usize,
         triangles: Mask,
     ) -> Mask {
-        let axes = Bundle::<Z>::AXES;
+        let (leaf, axes) = (*leaf, Bundle::<Z>::AXES);
         let [u, v, _] = &self.shear;
         let framed = FramedRay {
             origin: axes.map(|axis| self.at(&self.origin[axis], ray)),
             shear: [self.at(u, ray), self.at(v, ray)],
             back: -self.at(&self.reciprocal[Z], ray),
         };
-        let (hits, t) = framed.intersect(|k, corner| leaf.row(axes[k], corner), triangles);
+        let (hits, t) = framed.intersect(move |k, corner| leaf.row(axes[k], corner), triangles);
         if hits.none() {
             return Mask::NONE;
         }
@@ -650,7 +651,7 @@ pub(super) fn descend<const SPHERES: bool, Q: Query, const Z: usize>(
                         near,
                         reference: node.children[slot],
                     };
-                    tree.prefetch(node.children[slot]);
+                    tree.words().prefetch(node.children[slot]);
                     size += 1;
                 }
             }

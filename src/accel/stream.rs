@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use wide::f32x8;
 
-use super::blocks::{Blocks, DONE, LEAF, LEAF_SIZE, Node};
+use super::blocks::{Blocks, DONE, LEAF, LEAF_SIZE, Node, Words};
 use super::collapse::WIDTH;
 use super::flight::{Flight, Halves, Row};
 use super::octant::{NEAREST, OCTANTS, ORDER, permute};
@@ -22,7 +22,7 @@ use crate::geometry::sphere::sphere_distance;
 use crate::geometry::triangle::shear_lanes;
 use crate::math::lanes::{
     Compare, F32s, FloatLanes, LANES, Mask, U32s, compress, compress_u32, gather, gather_u32, iota,
-    load, load_u32,
+    load, load_u32, store_u32,
 };
 use crate::math::vec3::Vec3s;
 
@@ -343,33 +343,37 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
     #[inline(always)]
     fn advance(&mut self, next: &mut Next) {
         let (tree, rays) = (self.tree, self.rays);
+        let words = tree.words();
         let mut all = self.scratch.flights();
         let list = &self.lists.0[NODES];
         self.counters.nodes += list.len as u64;
         for (flight, current, next) in list.each(next) {
-            *next = all.visit_node::<Q>(tree, flight, current);
-            tree.prefetch(*next);
+            *next = all.visit_node::<Q>(words, flight, current);
+            words.prefetch(*next);
         }
         self.lists.distribute::<NODES>(next);
         let mut tests = 0;
         for (flight, current, next) in self.lists.0[LEAVES].each(next) {
-            *next = all.pass_leaf::<SPHERES>(tree, flight, current, &mut tests);
-            tree.prefetch(*next);
+            *next = all.pass_leaf::<SPHERES>(words, flight, current, &mut tests);
         }
         self.counters.tests += tests;
         self.lists.distribute::<LEAVES>(next);
         for (flight, current, next) in self.lists.0[HITS].each(next) {
             *next = all.visit_leaf::<SPHERES, Q>(tree, rays, self.query, flight, current);
-            tree.prefetch(*next);
+            words.prefetch(*next);
         }
         self.lists.distribute::<HITS>(next);
         let ended = &mut self.lists.0[ENDED];
-        for &place in &ended.flights[..ended.len] {
+        let places = &ended.flights[..ended.len.min(IN_FLIGHT)];
+        for at in (0..places.len()).step_by(LANES) {
+            let row = load_u32(&ended.flights, at);
+            store_u32(&mut self.free, self.free_len + at, row);
+        }
+        self.free_len += places.len();
+        for &place in places {
             let flight = &all.flights[slot_of(place)];
             self.query
                 .finish(flight.ray as usize, flight.t, flight.primitive);
-            self.free[self.free_len] = place;
-            self.free_len += 1;
         }
         ended.len = 0;
     }
@@ -403,14 +407,15 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         valid: Mask,
     ) {
         let [x, y, z] = direction;
-        let (largest, [u, v, _]) = shear_lanes(Vec3s { x, y, z });
+        let reciprocal = direction.map(|d| F32s::splat(1.0) / d);
+        let (largest, [u, v, _]) = shear_lanes(Vec3s { x, y, z }, reciprocal);
         self.free_len -= LANES;
         let places = load_u32(&self.free, self.free_len);
         let slots = places >> FLIGHT.trailing_zeros();
         let row = Row {
             largest,
             origin,
-            reciprocal: direction.map(|d| F32s::splat(1.0) / d),
+            reciprocal,
             shear: [u, v],
             t: self.query.ends(ray),
             primitive: U32s::splat(PrimitiveId::NONE),
@@ -420,7 +425,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
         };
         let flights: &mut [Halves; IN_FLIGHT] = bytemuck::cast_mut(&mut self.scratch.flights);
         let slots = slots.to_array();
-        row.flights(Q::ANY, |k, flight| {
+        row.flights(Q::ANY, self.tree.farthest, |k, flight| {
             flights[slots[k] as usize % IN_FLIGHT] = flight
         });
         let sound = octant.lt(U32s::splat(OCTANTS as u32)) & valid;
@@ -528,7 +533,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
                 let row = scratch.group.row(vector, self.octant);
                 let ready: &mut [Halves; GROUP] = bytemuck::cast_mut(&mut scratch.ready);
                 let ready = &mut ready[vector * LANES..][..LANES];
-                row.flights(Q::ANY, |k, flight| ready[k] = flight);
+                row.flights(Q::ANY, self.tree.farthest, |k, flight| ready[k] = flight);
                 self.ready = vector + 1;
             }
             let flight = &scratch.ready[place];
@@ -551,7 +556,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
                         .finish(flight.ray as usize, flight.t, flight.primitive);
                     continue;
                 }
-                self.tree.prefetch(current);
+                self.tree.words().prefetch(current);
             }
             let flights: &mut [Halves; IN_FLIGHT] = bytemuck::cast_mut(&mut scratch.flights);
             flights[slot] = bytemuck::cast(*flight);
@@ -588,11 +593,11 @@ impl Flights<'_> {
     /// Visits the node at which a flight is, and gives where it goes.
     #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
     #[inline(always)]
-    fn visit_node<Q: Query>(&mut self, tree: &Blocks, place: u32, current: u32) -> u32 {
+    fn visit_node<Q: Query>(&mut self, words: Words<'_>, place: u32, current: u32) -> u32 {
         // SAFETY: a list names the flight.
         let (flight, stack_t, stack) = unsafe { self.at(place) };
         // SAFETY: a flight in the list of nodes is at a node.
-        let node = unsafe { tree.node_unchecked(current) };
+        let node = unsafe { words.node(current) };
         let (mut first, mut last) = (f32x8::splat(0.0), f32x8::splat(flight.t));
         let [x, y] = flight.reciprocal;
         // NaN (0·∞) drops out. The roundings are those of `geometry::slab::SlabRay`.
@@ -635,7 +640,7 @@ impl Flights<'_> {
     #[inline(always)]
     fn pass_leaf<const SPHERES: bool>(
         &mut self,
-        tree: &Blocks,
+        words: Words<'_>,
         place: u32,
         current: u32,
         tests: &mut u64,
@@ -643,16 +648,18 @@ impl Flights<'_> {
         // SAFETY: a list names the flight.
         let (flight, _, stack) = unsafe { self.at(place) };
         // SAFETY: a flight in the list of leaves is at a leaf.
-        let leaf = unsafe { tree.leaf_unchecked(current) };
+        let leaf = unsafe { words.leaf(current) };
         let spheres = if SPHERES { leaf.spheres } else { 0 };
         *tests += (leaf.triangles + spheres) as u64;
         let row = |k: usize, corner: usize| flight.frame.row(&leaf, k, corner);
-        let may_hit = flight.framed.may_hit(row, leaf.valid(), flight.t);
+        let may_hit = flight.framed.may_hit(row, leaf.valid(), flight.end);
         // All ones where the flight stays.
         let stays = u32::from(may_hit.any() | (spheres > 0)).wrapping_neg();
         let top = flight.top;
         // SAFETY: a stack never is empty.
         let below = unsafe { *stack.get_unchecked(top as usize - 1) };
+        // Also where a hit may be found: most go there.
+        words.prefetch(below);
         flight.top = top.wrapping_add(!stays);
         below | stays
     }
@@ -673,7 +680,8 @@ impl Flights<'_> {
         let leaf = tree.leaf(current);
         let mut closer = false;
         if !SPHERES || leaf.triangles > 0 {
-            let row = |k: usize, corner: usize| flight.frame.row(&leaf, k, corner);
+            let frame = flight.frame;
+            let row = move |k: usize, corner: usize| frame.row(&leaf, k, corner);
             let (hits, t) = flight.framed.intersect(row, leaf.valid());
             let t = bytemuck::cast_slice(std::slice::from_ref(&t));
             closer |= flight.take(query, hits, t, rays.skip[ray], || leaf.ids());
@@ -696,7 +704,7 @@ impl Flights<'_> {
             }
             let base = slot * self.stride;
             let part = base..base + self.stride;
-            let limit = flight.t * FAR_PADDING;
+            let limit = flight.end_at(flight.t);
             let t = &mut self.stack_t[part.clone()];
             top = base + keep_near(t, &mut self.stack[part], top - base, limit);
         }

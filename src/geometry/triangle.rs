@@ -4,7 +4,7 @@
 //!
 //! The ray is sheared to the z axis of a frame in which its largest component is z; a vertex shared by
 //! two triangles gets the same image in both, so the sign of an edge function is consistent between them.
-//! Edge functions use plain products, never fused ones: the rounded product is a monotone function of the
+//! Corners are projected by fused operations, edge functions use plain products: the rounded product is a monotone function of the
 //! exact one, so that an edge value has the right sign or is zero, and zeros are decided in f64, where
 //! products of two f32 are exact.
 
@@ -72,7 +72,7 @@ impl ShearRay {
         let [x, y, z] = axes.map(|axis| direction[axis as usize]);
         let ray = FramedRay {
             origin: axes.map(|axis| origin[axis as usize]),
-            shear: [x / z, y / z],
+            shear: [x * (1.0 / z), y * (1.0 / z)],
             back: -1.0 / z,
         };
         Self { axes, ray }
@@ -85,29 +85,29 @@ impl ShearRay {
         let u = b[0] * c[1] - b[1] * c[0];
         let v = c[0] * a[1] - c[1] * a[0];
         let w = a[0] * b[1] - a[1] * b[0];
-        if u == 0.0 || v == 0.0 || w == 0.0 {
-            return intersect_projected_f64([a, b, c]);
+        let sign = (u * v).min(v * w);
+        if sign < 0.0 {
+            return None;
         }
-        let inside = (u > 0.0 && v > 0.0 && w > 0.0) || (u < 0.0 && v < 0.0 && w < 0.0);
-        let scale = 1.0 / (u + v + w);
-        let t = (u * scale) * a[2] + (v * scale) * b[2] + (w * scale) * c[2];
-        (inside && t > 0.0 && t < f32::INFINITY).then_some(t)
+        let along = mul_add(w, c[2], mul_add(v, b[2], u * a[2])) * self.ray.back;
+        let t = along / (u + v + w);
+        let size = t.abs();
+        if !(sign > 0.0 && along.abs() > LEAST_ALONG && size > 0.0 && size < f32::INFINITY) {
+            return intersect_projected_f64([a, b, c].map(|[x, y, z]| [x, y, self.ray.back * z]));
+        }
+        (t > 0.0).then_some(t)
     }
 
-    /// Image of a point: x and y across the ray, z the distance along it.
+    /// Image of a point: x and y across the ray, z along its axis.
     #[inline]
     fn project(&self, point: [f32; 3]) -> [f32; 3] {
-        let FramedRay {
-            origin,
-            shear,
-            back,
-        } = self.ray;
+        let FramedRay { origin, shear, .. } = self.ray;
         let [kx, ky, kz] = self.axes.map(|axis| axis as usize);
         let z = origin[2] - point[kz];
         [
-            (origin[0] - point[kx]) - shear[0] * z,
-            (origin[1] - point[ky]) - shear[1] * z,
-            back * z,
+            mul_add(-shear[0], z, origin[0] - point[kx]),
+            mul_add(-shear[1], z, origin[1] - point[ky]),
+            z,
         ]
     }
 
@@ -125,14 +125,22 @@ impl FramedRay {
     #[inline(always)]
     pub fn intersect<V: FloatLanes>(
         &self,
-        row: impl Fn(usize, usize) -> V,
+        row: impl Fn(usize, usize) -> V + Copy,
         valid: Mask,
     ) -> (Mask, V) {
-        hits_of_projected(self.project(&row), valid, || self.project(&row))
+        let ray = *self;
+        let back = V::splat(ray.back);
+        hits_of_projected(ray.project(&row), back, valid, move || {
+            ray.project(&row)
+                .map(|[x, y, z]| [x, y, V::splat(ray.back) * z])
+        })
     }
 
-    /// Lanes of `valid` whose triangles the ray may hit no later than at `end`: all that [`Self::intersect`]
-    /// gives at such distances, and those that f64 decides. Without branches, for where most triangles are missed.
+    /// Lanes of `valid` whose triangles the ray may hit: all that [`Self::intersect`] gives at distances that,
+    /// times [`FAR_PADDING`], are no more than `end`. Without branches and divisions, for where most triangles are
+    /// missed. Distances times areas must not be too large for f32, unless `end` is NaN: then all distances count.
+    ///
+    /// [`FAR_PADDING`]: super::slab::FAR_PADDING
     #[inline(always)]
     pub fn may_hit<V: FloatLanes>(
         &self,
@@ -141,16 +149,14 @@ impl FramedRay {
         end: f32,
     ) -> Mask {
         let corners = self.project(&row);
-        let ([least, most], edges) = edges(corners);
-        let zero = V::splat(0.0);
-        let t = distance(corners, edges);
-        // Of one sign, of both, or zero where f64 decides.
-        let sign = least * most;
-        let near = t.gt(zero) & t.le(V::splat(end));
-        (near | !sign.gt(zero)) & !sign.lt(zero) & valid
+        let (sign, edges) = edges(corners);
+        let (along, area) = distance(corners, edges, V::splat(self.back));
+        // The product has the sign of t (end − t): no matter what the area's is.
+        let before = V::splat(end).mul_sub(area, along);
+        !sign.negative_or_with(along * before) & valid
     }
 
-    /// Images of the corners of many triangles: x and y across the ray, z the distance along it. From the corners to
+    /// Images of the corners of many triangles: x and y across the ray, z along its axis. From the corners to
     /// the origin, so that x and y have the other sign, which no edge function sees.
     #[inline(always)]
     fn project<V: FloatLanes>(&self, row: &impl Fn(usize, usize) -> V) -> [[V; 3]; 3] {
@@ -158,9 +164,9 @@ impl FramedRay {
             let offset = |k: usize| V::splat(self.origin[k]) - row(k, corner);
             let z = offset(2);
             [
-                offset(0) - V::splat(self.shear[0]) * z,
-                offset(1) - V::splat(self.shear[1]) * z,
-                V::splat(self.back) * z,
+                z.mul_neg_add(V::splat(self.shear[0]), offset(0)),
+                z.mul_neg_add(V::splat(self.shear[1]), offset(1)),
+                z,
             ]
         })
     }
@@ -181,9 +187,11 @@ impl ShearRays {
     /// for each ray the bits that [`ShearRay::intersect`] gives. `corners[axis][corner]` along the rays' axes.
     #[inline(always)]
     pub fn intersect(&self, corners: &[[f32; 3]; 3], valid: Mask) -> (Mask, F32s) {
-        let corner = |corner| self.project(corners, corner);
-        hits_of_projected([corner(0), corner(1), corner(2)], valid, || {
-            [0, 1, 2].map(|corner| self.project(corners, corner))
+        let (rays, corners) = (*self, *corners);
+        let project = move || [0, 1, 2].map(|corner| rays.project(&corners, corner));
+        let along = self.shear[2];
+        hits_of_projected(project(), along, valid, move || {
+            project().map(|[x, y, z]| [x, y, along * z])
         })
     }
 
@@ -193,17 +201,17 @@ impl ShearRays {
         let at = |k: usize| F32s::splat(corners[k][corner]) - self.origin[k];
         let z = at(2);
         [
-            at(0) - self.shear[0] * z,
-            at(1) - self.shear[1] * z,
-            self.shear[2] * z,
+            z.mul_neg_add(self.shear[0], at(0)),
+            z.mul_neg_add(self.shear[1], at(1)),
+            z,
         ]
     }
 }
 
 /// Per lane of directions which axis is the largest, one mask per axis, and the shear that
-/// [`ShearRay::new`] makes.
+/// [`ShearRay::new`] makes: x and y per z, and 1/z. `reciprocal` are 1/x, 1/y and 1/z of the directions.
 #[inline(always)]
-pub fn shear_lanes(direction: Vec3s) -> ([Mask; 3], [F32s; 3]) {
+pub fn shear_lanes(direction: Vec3s, reciprocal: [F32s; 3]) -> ([Mask; 3], [F32s; 3]) {
     let Vec3s { x, y, z } = direction;
     let (size_x, size_y, size_z) = (x.abs(), y.abs(), z.abs());
     let x_first = size_x.gt(size_y);
@@ -211,32 +219,30 @@ pub fn shear_lanes(direction: Vec3s) -> ([Mask; 3], [F32s; 3]) {
     let is_y = !x_first & size_y.gt(size_z);
     let is_z = !is_x & !is_y;
     let pick = |[a, b, c]: [F32s; 3]| is_x.select(a, is_y.select(b, c));
-    let largest = pick([x, y, z]);
-    let shear = [
-        pick([y, z, x]) / largest,
-        pick([z, x, y]) / largest,
-        F32s::splat(1.0) / largest,
-    ];
+    let along = pick(reciprocal);
+    let shear = [pick([y, z, x]) * along, pick([z, x, y]) * along, along];
     ([is_x, is_y, is_z], shear)
 }
 
-/// The least and the largest of the three edge functions at the z axis, and all of them. A NaN that gets lost among
-/// them is in the sum of all three, so that the distance is NaN too.
+/// The three edge functions at the z axis, and a number that is positive where all have one sign and negative only where
+/// some have different ones; zero or NaN where f64 decides.
 #[inline(always)]
-fn edges<V: FloatLanes>([a, b, c]: [[V; 3]; 3]) -> ([V; 2], [V; 3]) {
+fn edges<V: FloatLanes>([a, b, c]: [[V; 3]; 3]) -> (V, [V; 3]) {
     let u = b[0] * c[1] - b[1] * c[0];
     let v = c[0] * a[1] - c[1] * a[0];
     let w = a[0] * b[1] - a[1] * b[0];
-    let least = u.fast_min(v).fast_min(w);
-    let most = u.fast_max(v).fast_max(w);
-    ([least, most], [u, v, w])
+    ((u * v).fast_min(v * w), [u, v, w])
 }
 
-/// Where the z axis meets the planes of triangles, by their projected corners and edge functions.
+/// Sums of products that make a distance may have lost terms too small for f32 if they are below this in size.
+const LEAST_ALONG: f32 = 1e-30;
+
+/// Where rays meet the planes of triangles, by their projected corners and edge functions: the distance is the first
+/// number over the second, an area.
 #[inline(always)]
-fn distance<V: FloatLanes>([a, b, c]: [[V; 3]; 3], [u, v, w]: [V; 3]) -> V {
-    let scale = V::splat(1.0) / (u + v + w);
-    (u * scale) * a[2] + (v * scale) * b[2] + (w * scale) * c[2]
+fn distance<V: FloatLanes>([a, b, c]: [[V; 3]; 3], [u, v, w]: [V; 3], back: V) -> (V, V) {
+    let along = w.mul_add(c[2], v.mul_add(b[2], u * a[2]));
+    (along * back, u + v + w)
 }
 
 /// Lanes of `valid` in which the z axis meets the triangle of projected corners, and its distance along
@@ -244,19 +250,25 @@ fn distance<V: FloatLanes>([a, b, c]: [[V; 3]; 3], [u, v, w]: [V; 3]) -> V {
 #[inline(always)]
 fn hits_of_projected<V: FloatLanes>(
     [a, b, c]: [[V; 3]; 3],
+    back: V,
     valid: Mask,
     again: impl FnOnce() -> [[V; 3]; 3],
 ) -> (Mask, V) {
-    let ([least, most], [u, v, w]) = edges([a, b, c]);
+    let (sign, [u, v, w]) = edges([a, b, c]);
     let zero = V::splat(0.0);
-    let candidates = (least.ge(zero) | most.le(zero)) & valid;
+    let candidates = !sign.lt(zero) & valid;
     if candidates.none() {
         return (Mask::NONE, zero);
     }
-    let t = distance([a, b, c], [u, v, w]);
-    let hit = candidates & t.gt(zero) & t.lt(V::splat(f32::INFINITY));
-    let undecided =
-        (Compare::eq(u, zero) | Compare::eq(v, zero) | Compare::eq(w, zero)) & candidates;
+    let (along, area) = distance([a, b, c], [u, v, w], back);
+    let t = along / area;
+    let size = t.abs();
+    let decided = sign.gt(zero)
+        & along.abs().gt(V::splat(LEAST_ALONG))
+        & size.gt(zero)
+        & size.lt(V::splat(f32::INFINITY));
+    let hit = candidates & t.gt(zero);
+    let undecided = candidates & !decided;
     if undecided.none() {
         return (hit, t);
     }
@@ -296,6 +308,16 @@ fn decide_in_f64<V: FloatLanes>(
         }
     }
     hit
+}
+
+/// As [`FloatLanes::mul_add`].
+#[inline(always)]
+fn mul_add(a: f32, b: f32, c: f32) -> f32 {
+    if cfg!(target_feature = "fma") {
+        a.mul_add(b, c)
+    } else {
+        a * b + c
+    }
 }
 
 /// The test with edge functions of exact sign; points exactly on an edge are inside.
@@ -349,6 +371,7 @@ impl TrianglePack {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::slab::FAR_PADDING;
     use crate::geometry::testing::Rng;
 
     /// A point of a cube; in even rounds of a small integer grid, which meets edges and corners exactly.
@@ -394,6 +417,33 @@ mod tests {
     }
 
     #[test]
+    fn triangles_of_all_sizes_are_hit_alike() {
+        let mut rng = Rng(5);
+        let mut hits = 0;
+        for _ in 0..2_000 {
+            let [a, b, c, o, d] = [0; 5].map(|_| [0; 3].map(|_| rng.uniform() - 0.5));
+            let at = |size: f32| {
+                let [a, b, c, o] = [a, b, c, o].map(|p| p.map(|x| x * size));
+                let triangle = Triangle { corners: [a, b, c] };
+                ShearRay::new(o, d).intersect(&triangle)
+            };
+            let unit = at(1.0);
+            hits += usize::from(unit.is_some());
+            // Powers of two: all numbers are the same but for their exponents.
+            for size in [-70, -60, -40, -20, 20, 40, 60].map(|exponent| 2f32.powi(exponent)) {
+                let error = match (unit, at(size)) {
+                    (Some(unit), Some(t)) => (t / size / unit - 1.0).abs(),
+                    (None, None) => 0.0,
+                    _ => panic!("{unit:?} but {:?} at size {size}", at(size)),
+                };
+                // Where f64 decides, distances are rounded once.
+                assert!(error < 1e-5, "{error} at size {size}");
+            }
+        }
+        assert!(hits > 50, "{hits} hits are too few");
+    }
+
+    #[test]
     fn what_may_be_hit_holds_all_hits_before_the_end_and_little_else() {
         let mut rng = Rng(2);
         let (mut hits, mut may, mut all) = (0, 0, 0);
@@ -408,7 +458,7 @@ mod tests {
             let (mask, t) = ray.intersect_pack(&pack);
             let near = mask & t.le(F32s::splat(end));
             let row = |k: usize, corner: usize| pack.corners[corner][ray.axes[k] as usize];
-            let maybe = ray.ray.may_hit(row, Mask::ALL, end);
+            let maybe = ray.ray.may_hit(row, Mask::ALL, end * FAR_PADDING);
             assert_eq!(maybe & near, near, "round {round}");
             hits += near.count();
             may += maybe.count();

@@ -210,6 +210,16 @@ pub trait FloatLanes:
 {
     /// The same number in every lane.
     fn splat(value: f32) -> Self;
+    /// Lane-wise size.
+    fn abs(self) -> Self;
+    /// `self * factor + term`, rounded once where the build has such instructions.
+    fn mul_add(self, factor: Self, term: Self) -> Self;
+    /// `term - self * factor`, rounded as in [`Self::mul_add`].
+    fn mul_neg_add(self, factor: Self, term: Self) -> Self;
+    /// `self * factor - term`, rounded as in [`Self::mul_add`].
+    fn mul_sub(self, factor: Self, term: Self) -> Self;
+    /// Lanes in which `self` is negative, or is positive and `other` is negative. One mask is made, not three.
+    fn negative_or_with(self, other: Self) -> Mask;
     /// Lane-wise smaller number; either where one is NaN.
     fn fast_min(self, rhs: Self) -> Self;
     /// Lane-wise larger number; either where one is NaN.
@@ -226,6 +236,28 @@ macro_rules! float_lanes {
             #[inline(always)]
             fn splat(value: f32) -> Self {
                 Self::splat(value)
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                self.abs()
+            }
+            #[inline(always)]
+            fn mul_add(self, factor: Self, term: Self) -> Self {
+                self.mul_add(factor, term)
+            }
+            #[inline(always)]
+            fn mul_neg_add(self, factor: Self, term: Self) -> Self {
+                self.mul_neg_add(factor, term)
+            }
+            #[inline(always)]
+            fn mul_sub(self, factor: Self, term: Self) -> Self {
+                self.mul_sub(factor, term)
+            }
+            #[inline(always)]
+            fn negative_or_with(self, other: Self) -> Mask {
+                let zero = Self::splat(0.0);
+                let lanes = self.simd_lt(zero) | (self.simd_gt(zero) & other.simd_lt(zero));
+                Mask(lanes.to_bitmask() as u16)
             }
             #[inline(always)]
             fn fast_min(self, rhs: Self) -> Self {
