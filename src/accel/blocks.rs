@@ -1,4 +1,4 @@
-//! How the 8-wide tree lies in memory: nodes of four cache lines, and leaves of as many words as their
+//! How the 8-wide tree lies in memory: nodes of five cache lines, and leaves of as many words as their
 //! primitives need, each node followed by its leaves.
 
 use rayon::prelude::*;
@@ -11,8 +11,12 @@ use crate::geometry::slab::Bounds;
 use crate::geometry::{Geometry, Sphere, Triangle};
 use crate::math::lanes::{F32s, Mask, U32s, load_first};
 
-/// Bit of a reference that says leaf. The other bits are a place in units of [`UNIT`] words.
-pub(super) const LEAF: u32 = 1 << 31;
+/// Bit of a reference that says leaf. The other bits are a place in units of [`UNIT`] words, so that eight times a
+/// reference is where a node begins, in bytes, or eight bytes after a leaf does: addressing of the machine.
+pub(super) const LEAF: u32 = 1;
+const BYTES: usize = UNIT * size_of::<f32>() / 2;
+/// References there are, of both kinds.
+const MOST_UNITS: usize = 1 << 31;
 
 /// The reference that ends a traversal: no leaf lies at the very beginning.
 pub(super) const DONE: u32 = LEAF;
@@ -36,11 +40,11 @@ pub(super) const LEAF_SIZE: usize = 8;
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(super) struct Node {
-    /// Per axis the lower planes of the children, and the upper ones. Unused slots have empty boxes.
-    pub(super) planes: [[f32x8; 2]; 3],
+    /// Per axis the lower planes of the children, the upper ones and the lower ones again: near planes and far ones
+    /// follow each other in both directions. Unused slots have empty boxes.
+    pub(super) planes: [[f32x8; 3]; 3],
     /// References of the children.
     pub(super) children: [u32; WIDTH],
-    padding: [u32; WIDTH],
 }
 
 /// A leaf: ids of its triangles, their corners axis by axis and corner by corner; then ids, centres
@@ -99,7 +103,7 @@ impl Blocks {
             starts.push(total);
             total += writer.lines(node);
         }
-        if total * LINE / UNIT >= LEAF as usize {
+        if total * LINE / UNIT >= MOST_UNITS {
             return Err(Error::limit("the tree takes more than 32 GiB"));
         }
         // Whole vectors may be read at the last word.
@@ -119,7 +123,7 @@ impl Blocks {
             .with_min_len(64)
             .for_each(|(index, (region, node))| writer.write(node, starts[index], &starts, region));
         let root = match lone {
-            Some(_) => bytemuck::cast_slice::<f32x16, u32>(&lines)[NODE_LINES * LINE - 2 * WIDTH],
+            Some(_) => bytemuck::cast_slice::<f32x16, u32>(&lines)[NODE_LINES * LINE - WIDTH],
             None => 0,
         };
         Ok(Self {
@@ -146,7 +150,7 @@ impl Blocks {
     /// The node of a reference without [`LEAF`].
     #[inline(always)]
     pub(super) fn node(&self, reference: u32) -> &Node {
-        let first = reference as usize / (LINE / UNIT);
+        let first = first_word(reference) / LINE;
         let lines: &[f32x16; NODE_LINES] = self.lines[first..first + NODE_LINES]
             .try_into()
             .expect("a slice of this length");
@@ -185,7 +189,13 @@ impl<'a> Words<'a> {
     pub(super) unsafe fn node(self, reference: u32) -> &'a Node {
         debug_assert!(first_word(reference) + NODE_LINES * LINE <= self.0.len());
         // SAFETY: nodes lie within the words at whole lines, and a node is as many lines of the same alignment.
-        unsafe { &*self.0.as_ptr().add(first_word(reference)).cast::<Node>() }
+        unsafe {
+            &*self
+                .0
+                .as_ptr()
+                .byte_add(reference as usize * BYTES)
+                .cast::<Node>()
+        }
     }
 
     /// As [`Blocks::leaf`], unchecked.
@@ -195,26 +205,36 @@ impl<'a> Words<'a> {
     #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
     #[inline(always)]
     pub(super) unsafe fn leaf(self, reference: u32) -> Leaf<'a> {
+        let first = first_word(reference);
+        debug_assert!(first < self.0.len());
         // SAFETY: leaves lie within the words, and a line follows the last.
-        let words = unsafe { self.0.get_unchecked(first_word(reference)..) };
-        // SAFETY: as before.
-        unsafe { Leaf::new(words.get_unchecked(0), words.get_unchecked(1..)) }
+        unsafe {
+            let header = self.0.as_ptr().byte_add(reference as usize * BYTES);
+            let header = header.byte_sub(LEAF as usize * BYTES);
+            let rest = self.0.len() - first - 1;
+            Leaf::new(&*header, std::slice::from_raw_parts(header.add(1), rest))
+        }
     }
 
-    /// Asks for the first four cache lines of what is referred to.
+    /// Asks for the first five cache lines of what is referred to.
     #[inline(always)]
     pub(super) fn prefetch(self, reference: u32) {
         for line in 0..NODE_LINES {
-            crate::math::prefetch(self.0, first_word(reference) + line * LINE);
+            let first = reference as usize * BYTES / size_of::<f32>();
+            crate::math::prefetch(self.0, first + line * LINE);
         }
     }
+}
+
+/// The reference of a node that begins at a word.
+fn reference_to(word: usize) -> u32 {
+    (2 * word / UNIT) as u32
 }
 
 /// Where the words of what is referred to begin.
 #[inline(always)]
 fn first_word(reference: u32) -> usize {
-    // One shift drops the bit of leaves; the rest is up to the machine's addressing.
-    (reference << 1) as usize * (UNIT / 2)
+    (reference / 2) as usize * UNIT
 }
 
 impl<'a> Leaf<'a> {
@@ -372,21 +392,22 @@ impl Writer<'_> {
                 }
             }
             children[slot] = match *child {
-                WideChild::Node(index) => (starts[index as usize] * LINE / UNIT) as u32,
+                WideChild::Node(index) => reference_to(starts[index as usize] * LINE),
                 WideChild::Leaf { first, count } => {
-                    let at = ((start + NODE_LINES) * LINE + used) / UNIT;
+                    let at = (start + NODE_LINES) * LINE + used;
                     let run = self.run(first, count);
                     let words = self.leaf_words(run);
                     self.write_leaf(run, &mut leaves[used..used + words]);
                     used += words;
-                    at as u32 | LEAF
+                    reference_to(at) | LEAF
                 }
             };
         }
-        for (axis, line) in head[..3].iter_mut().enumerate() {
-            *line = bytemuck::cast([planes[0][axis], planes[1][axis]]);
-        }
-        head[3] = bytemuck::cast([children, [0; WIDTH]]);
+        let node = Node {
+            planes: [0, 1, 2].map(|axis| [0, 1, 0].map(|side| f32x8::from(planes[side][axis]))),
+            children,
+        };
+        head.copy_from_slice(&bytemuck::cast::<Node, [f32x16; NODE_LINES]>(node));
     }
 
     /// Writes the primitives of a leaf, each into its place of every row.

@@ -1,6 +1,6 @@
 //! Octants of directions, and the order in which a ray of each octant meets the children of a node.
 
-use wide::f32x8;
+use wide::{f32x8, f32x16};
 
 use super::blocks::Node;
 use super::collapse::WIDTH;
@@ -22,38 +22,31 @@ impl Sides {
     #[inline(always)]
     pub(super) fn planes(self, node: &Node, axis: usize) -> [&f32x8; 2] {
         let near = self.0[axis] & 1;
-        [&node.planes[axis][near], &node.planes[axis][near ^ 1]]
+        [&node.planes[axis][near], &node.planes[axis][near + 1]]
     }
 }
 
-/// Which lane of a permutation by [`ORDER`] has the nearest child.
-pub(super) const NEAREST: usize = WIDTH - 1;
-
-/// `ORDER[octant][mask]`: slots of the children in `mask` for a ray of that octant: all but the nearest
-/// from lane 0 on, farthest first, and the nearest in lane [`NEAREST`]. Bit k of a slot says on which side
-/// of the node a child lies along axis k, so that slot ^ octant sorts children along the ray.
+/// `ORDER[octant][missed]`: slots of the children not in `missed` for a ray of that octant, farthest first. Bit k of a
+/// slot says on which side of the node a child lies along axis k, so that slot ^ octant sorts children along the ray.
 pub(super) static ORDER: [[u64; 1 << WIDTH]; OCTANTS] = order();
 
 const fn order() -> [[u64; 1 << WIDTH]; OCTANTS] {
     let mut table = [[0; 1 << WIDTH]; OCTANTS];
     let mut octant = 0;
     while octant < OCTANTS {
-        let mut mask: usize = 0;
-        while mask < 1 << WIDTH {
+        let mut missed: usize = 0;
+        while missed < 1 << WIDTH {
             let mut lane = 0;
-            let mut left = mask.count_ones();
             let mut rank = WIDTH;
             while rank > 0 {
                 rank -= 1;
                 let slot = rank ^ octant;
-                if mask >> slot & 1 != 0 {
-                    left -= 1;
-                    let place = if left == 0 { NEAREST } else { lane };
-                    table[octant][mask] |= (slot as u64) << (8 * place);
+                if missed >> slot & 1 == 0 {
+                    table[octant][missed] |= (slot as u64) << (8 * lane);
                     lane += 1;
                 }
             }
-            mask += 1;
+            missed += 1;
         }
         octant += 1;
     }
@@ -61,7 +54,7 @@ const fn order() -> [[u64; 1 << WIDTH]; OCTANTS] {
 }
 
 impl Node {
-    /// What far planes are away from near ones, in bytes, up or down.
+    /// What far planes are away from near ones, in bytes.
     pub(super) const SIDE: u32 = size_of::<f32x8>() as u32;
 
     /// Per octant and axis where the near planes are, in bytes.
@@ -72,7 +65,7 @@ impl Node {
             let mut axis = 0;
             while axis < 3 {
                 let side = (octant >> axis & 1) as u32;
-                near[octant][axis] = (2 * axis as u32 + side) * Self::SIDE;
+                near[octant][axis] = (3 * axis as u32 + side) * Self::SIDE;
                 axis += 1;
             }
             octant += 1;
@@ -80,19 +73,20 @@ impl Node {
         near
     };
 
-    /// The planes at a place in bytes.
+    /// The near planes at a place in bytes, and the far ones.
     ///
     /// # Safety
-    /// `place` is one of [`Self::NEAR`], or away from it by [`Self::SIDE`].
+    /// `place` is one of [`Self::NEAR`].
     #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
     #[inline(always)]
-    pub(super) unsafe fn planes_at(&self, place: u32) -> f32x8 {
-        debug_assert!(place < 6 * Self::SIDE && place.is_multiple_of(Self::SIDE));
-        // SAFETY: there are six vectors of planes, one after the other.
+    pub(super) unsafe fn planes_at(&self, place: u32) -> f32x16 {
+        debug_assert!(place < 8 * Self::SIDE && place.is_multiple_of(Self::SIDE));
+        // SAFETY: there are nine vectors of planes, one after the other.
         unsafe {
-            *std::ptr::from_ref(self)
-                .cast::<f32x8>()
+            std::ptr::from_ref(self)
                 .byte_add(place as usize)
+                .cast::<f32x16>()
+                .read_unaligned()
         }
     }
 }
@@ -141,15 +135,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn children_come_farthest_first_and_the_nearest_is_apart() {
+    fn children_come_farthest_first() {
         for (octant, table) in ORDER.iter().enumerate() {
-            for (mask, &order) in table.iter().enumerate().skip(1) {
+            for (missed, &order) in table.iter().enumerate() {
                 let mut slots = (0..WIDTH)
-                    .filter(|slot| mask >> slot & 1 != 0)
+                    .filter(|slot| missed >> slot & 1 == 0)
                     .collect::<Vec<_>>();
                 slots.sort_by_key(|slot| std::cmp::Reverse(slot ^ octant));
                 let order = order.to_le_bytes().map(usize::from);
-                assert_eq!(slots.pop(), Some(order[NEAREST]));
                 assert_eq!(slots, order[..slots.len()]);
             }
         }

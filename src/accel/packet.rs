@@ -10,7 +10,7 @@ use wide::{f32x4, f32x8, i8x16};
 use super::AccelCounters;
 use super::blocks::{Blocks, LEAF, Leaf, Node};
 use super::flight::Row;
-use super::octant::{NEAREST, ORDER, Sides};
+use super::octant::{ORDER, Sides};
 use super::stream::Query;
 use crate::geometry::PrimitiveId;
 use crate::geometry::slab::FAR_PADDING;
@@ -628,12 +628,10 @@ pub(super) fn descend<const SPHERES: bool, Q: Query, const Z: usize>(
             let node = tree.node(at.reference);
             let (some, near, all) = bundle.enters(node);
             let near = near.as_array();
-            let order = ORDER[octant][some as usize].to_le_bytes();
+            let order = ORDER[octant][(some ^ 0xff) as usize].to_le_bytes();
             let count = some.count_ones() as usize;
             let base = size;
-            for place in 0..count {
-                let lane = if place + 1 == count { NEAREST } else { place };
-                let slot = usize::from(order[lane]);
+            for slot in order.into_iter().take(count).map(usize::from) {
                 let rays = if all >> slot & 1 == 0 {
                     group.enter_child(node, sides, slot, active)
                 } else {

@@ -4,15 +4,14 @@
 //! knew it.
 
 use std::cell::RefCell;
-use std::hint::select_unpredictable;
 use std::ops::Range;
 
-use wide::f32x8;
+use wide::{f32x8, f32x16};
 
-use super::blocks::{Blocks, DONE, LEAF, LEAF_SIZE, Node, Words};
+use super::blocks::{Blocks, DONE, LEAF, LEAF_SIZE, Words};
 use super::collapse::WIDTH;
 use super::flight::{Flight, Halves, Row};
-use super::octant::{NEAREST, OCTANTS, ORDER, permute};
+use super::octant::{OCTANTS, ORDER, permute};
 use super::order::{ALIKE_MOST, Order, Starts};
 use super::packet::{self, GROUP, Group, Rays, descend, lanes_of, rays_of};
 use super::{AccelCounters, RayBatch};
@@ -28,6 +27,16 @@ use crate::math::vec3::Vec3s;
 
 /// Rays that take turns. Measured on the bunny's bounces: 16 are 15 % slower, 32 are 6 %, 128 the same.
 const IN_FLIGHT: usize = 64;
+
+/// All bits and the sign bit of far planes, which follow the near ones.
+const FAR: [f32; 2 * WIDTH] = halves(0.0, f32::from_bits(u32::MAX));
+const FAR_SIGN: [f32; 2 * WIDTH] = halves(0.0, -0.0);
+
+const fn halves(low: f32, high: f32) -> [f32; 2 * WIDTH] {
+    let mut both = [low; 2 * WIDTH];
+    both.split_at_mut(WIDTH).1.copy_from_slice(&[high; WIDTH]);
+    both
+}
 
 /// In place of a reference: the flight stays at its leaf. No leaf begins at the last unit of all.
 const MAY_HIT: u32 = u32::MAX;
@@ -103,7 +112,8 @@ fn slot_of(place: u32) -> usize {
 #[derive(Debug)]
 struct Scratch {
     flights: [Flight; IN_FLIGHT],
-    /// Per flight, one after the other: entry distances and references put aside. The first stay [`DONE`].
+    /// Per flight, one after the other: entry distances, with signs turned over, and references put aside. The first
+    /// stay [`DONE`].
     stack_t: Vec<f32>,
     stack: Vec<u32>,
     /// Entries of a flight's part of the stacks.
@@ -136,7 +146,7 @@ impl Scratch {
         let stride = tree.stack_bound + packet::MOST_PENDING + LANES;
         if self.stride < stride {
             self.stride = stride;
-            self.stack_t = vec![f32::NEG_INFINITY; stride * IN_FLIGHT];
+            self.stack_t = vec![f32::INFINITY; stride * IN_FLIGHT];
             self.stack = vec![DONE; stride * IN_FLIGHT];
         }
         self.packet.reserve(tree.stack_bound);
@@ -230,7 +240,7 @@ impl Lists {
             let flights = load_u32(&self.0[FROM].flights, at);
             let current = load_u32(&self.0[FROM].current, at);
             let next = load_u32(next, at);
-            let node = next.lt(U32s::splat(LEAF)) & valid;
+            let node = (next & U32s::splat(LEAF)).eq(U32s::splat(0)) & valid;
             let ended = next.eq(U32s::splat(DONE)) & valid;
             let mut leaf = valid & !(node | ended);
             // What is written of this list itself has been read.
@@ -545,7 +555,7 @@ impl<'a, 'b, const SPHERES: bool, Q: Query> Traversal<'a, 'b, SPHERES, Q> {
                 // The last that the group came to is the first to be put aside.
                 let pending = &scratch.packet.pending[place];
                 for k in (0..usize::from(scratch.packet.counts[place])).rev() {
-                    scratch.stack_t[top] = pending.t[k];
+                    scratch.stack_t[top] = -pending.t[k];
                     scratch.stack[top] = pending.reference[k];
                     top += usize::from(pending.t[k] <= flight.t * FAR_PADDING);
                 }
@@ -598,28 +608,28 @@ impl Flights<'_> {
         let (flight, stack_t, stack) = unsafe { self.at(place) };
         // SAFETY: a flight in the list of nodes is at a node.
         let node = unsafe { words.node(current) };
-        let (mut first, mut last) = (f32x8::splat(0.0), f32x8::splat(flight.t));
+        // Near planes in the lower half, with signs turned over, far planes in the upper one: of both the least distance
+        // counts. NaN (0·∞) drops out. The roundings are those of `geometry::slab::SlabRay`.
+        let [far, far_sign] = [FAR, FAR_SIGN].map(f32x16::from);
+        let mut least = f32x16::splat(flight.t) & far;
         let [x, y] = flight.reciprocal;
-        // NaN (0·∞) drops out. The roundings are those of `geometry::slab::SlabRay`.
         for (k, reciprocal) in [x, y, flight.framed.back].into_iter().enumerate() {
-            let near = u32::from(flight.frame.near[k]);
-            let [near, far] = [near, near ^ Node::SIDE].map(|place| {
-                // SAFETY: `near` is of some octant.
-                let planes = unsafe { node.planes_at(place) };
-                (f32x8::splat(flight.framed.origin[k]) - planes) * f32x8::splat(reciprocal)
-            });
-            first = near.keep_max(first);
-            last = far.keep_min(last);
+            // SAFETY: these are near planes of some octant.
+            let planes = unsafe { node.planes_at(u32::from(flight.frame.near[k])) };
+            let offset = planes - f32x16::splat(flight.framed.origin[k]);
+            let distance = (offset * f32x16::splat(reciprocal)) ^ far_sign;
+            least = distance.keep_min(least);
         }
-        let mask = first.simd_le(last * f32x8::splat(FAR_PADDING)).to_bitmask() & 0xff;
-        let order = usize::from(flight.frame.orders) + mask as usize;
+        let [first, last]: [f32x8; 2] = bytemuck::cast(least);
+        let within = last.mul_add(f32x8::splat(FAR_PADDING), first);
+        // By their signs, NaN's among them: it comes of a box at infinity.
+        let missed = within.to_bitmask() & 0xff;
+        let order = usize::from(flight.frame.orders) + missed as usize;
         // SAFETY: there are as many orders for each octant as a mask has values.
         let order = unsafe { ORDER.as_flattened().get_unchecked(order) };
         let children = permute(bytemuck::cast(node.children), order);
         let top = flight.top as usize;
-        // SAFETY: a stack has room for what the tree needs and a vector more, and never is empty.
-        let below = unsafe { *stack.get_unchecked(top - 1) };
-        // SAFETY: as before.
+        // SAFETY: a stack has room for what the tree needs and a vector more.
         unsafe {
             // Any hit ends a ray: no distance is looked at again.
             if !Q::ANY {
@@ -628,11 +638,10 @@ impl Flights<'_> {
             store8(bytemuck::cast_slice_mut(stack), top, children);
         }
         // The nearest child, or what was put aside last, is taken at once.
-        flight.top = (top + mask.count_ones() as usize - 1) as u32;
-        // SAFETY: as before.
-        let nearest = unsafe { *stack.get_unchecked(top + NEAREST) };
-        // No branch: it could not be foretold.
-        select_unpredictable(mask == 0, below, nearest)
+        let top = top + WIDTH - missed.count_ones() as usize - 1;
+        flight.top = top as u32;
+        // SAFETY: a stack never is empty.
+        unsafe { *stack.get_unchecked(top) }
     }
 
     /// Looks whether a flight may hit something in the leaf at which it is: gives [`MAY_HIT`], or where it goes.
@@ -766,13 +775,14 @@ impl Flight {
     }
 }
 
-/// Keeps the entries of a stack that are no farther than `limit`, in order; their number.
+/// Keeps the entries of a stack that are no farther than `limit`, in order; their number. `t` are the distances with signs
+/// turned over.
 #[inline(always)]
 fn keep_near(t: &mut [f32], references: &mut [u32], len: usize, limit: f32) -> usize {
     let mut kept = 0;
     for at in (0..len).step_by(LANES) {
         let (near, reference) = (load(t, at), load_u32(references, at));
-        let keep = near.le(F32s::splat(limit)) & Mask::first(len - at);
+        let keep = near.ge(F32s::splat(-limit)) & Mask::first(len - at);
         compress(t, kept, keep, near);
         compress_u32(references, kept, keep, reference);
         kept += keep.count();
