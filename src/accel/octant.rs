@@ -1,6 +1,6 @@
 //! Octants of directions, and the order in which a ray of each octant meets the children of a node.
 
-use wide::{f32x8, f32x16};
+use wide::f32x8;
 
 use super::blocks::Node;
 use super::collapse::WIDTH;
@@ -79,14 +79,14 @@ impl Node {
     /// `place` is one of [`Self::NEAR`].
     #[expect(unsafe_code, reason = "checks of every visit cost a twentieth")]
     #[inline(always)]
-    pub(super) unsafe fn planes_at(&self, place: u32) -> f32x16 {
+    pub(super) unsafe fn planes_at(&self, place: u32) -> [f32x8; 2] {
         debug_assert!(place < 8 * Self::SIDE && place.is_multiple_of(Self::SIDE));
         // SAFETY: there are nine vectors of planes, one after the other.
         unsafe {
             std::ptr::from_ref(self)
                 .byte_add(place as usize)
-                .cast::<f32x16>()
-                .read_unaligned()
+                .cast::<[f32x8; 2]>()
+                .read()
         }
     }
 }
