@@ -11,12 +11,15 @@ use crate::geometry::slab::Bounds;
 use crate::geometry::{Geometry, Sphere, Triangle};
 use crate::math::lanes::{F32s, Mask, U32s, load_first};
 
-/// Bit of a reference that says leaf. The other bits are a place in units of [`UNIT`] words, so that eight times a
-/// reference is where a node begins, in bytes, or eight bytes after a leaf does: addressing of the machine.
+/// Bit of a reference that says leaf. The other bits are a place in units of [`UNIT`] words.
 pub(super) const LEAF: u32 = 1;
-const BYTES: usize = UNIT * size_of::<f32>() / 2;
-/// References there are, of both kinds.
+
+/// Units that references can name.
 const MOST_UNITS: usize = 1 << 31;
+
+/// This times a reference is where a node begins, in bytes, or as many bytes after where a leaf does: the machine's
+/// addressing does that.
+const BYTES: usize = UNIT * size_of::<f32>() / 2;
 
 /// The reference that ends a traversal: no leaf lies at the very beginning.
 pub(super) const DONE: u32 = LEAF;
