@@ -24,17 +24,17 @@ pub(super) struct Flight {
     pub(super) frame: Frame,
     /// NaN where numbers of the ray are too large for [`FramedRay::may_hit`] to tell distances, else zero.
     doubt: f32,
-    /// See [`Self::end_at`].
+    /// See [`Self::end_at_t`].
     pub(super) end: f32,
     /// Place in the stacks after the last entry.
     pub(super) top: u32,
 }
 
 impl Flight {
-    /// Lets nothing count that lies beyond `t` times [`FAR_PADDING`], which is given back.
+    /// Lets nothing count that lies beyond its `t` times [`FAR_PADDING`], which is given back.
     #[inline(always)]
-    pub(super) fn end_at(&mut self, t: f32) -> f32 {
-        let padded = t * FAR_PADDING;
+    pub(super) fn end_at_t(&mut self) -> f32 {
+        let padded = self.t * FAR_PADDING;
         self.end = padded + self.doubt;
         padded
     }
@@ -173,7 +173,7 @@ mod tests {
             let count = |count: &mut usize, halves: Halves| {
                 let mut flight: Flight = bytemuck::cast(halves);
                 let before = flight.end;
-                assert_eq!(flight.end_at(flight.t), FAR_PADDING);
+                assert_eq!(flight.end_at_t(), FAR_PADDING);
                 assert_eq!(before.to_bits(), flight.end.to_bits());
                 *count += usize::from(before.is_nan());
             };

@@ -702,7 +702,7 @@ impl Flights<'_> {
             }
             let base = slot * self.stride;
             let part = base..base + self.stride;
-            let limit = flight.end_at(flight.t);
+            let limit = flight.end_at_t();
             let t = &mut self.stack_t[part.clone()];
             top = base + keep_near(t, &mut self.stack[part], top - base, limit);
         }

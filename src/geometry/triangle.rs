@@ -4,9 +4,9 @@
 //!
 //! The ray is sheared to the z axis of a frame in which its largest component is z; a vertex shared by
 //! two triangles gets the same image in both, so the sign of an edge function is consistent between them.
-//! Corners are projected by fused operations, edge functions use plain products: the rounded product is a monotone function of the
-//! exact one, so that an edge value has the right sign or is zero, and zeros are decided in f64, where
-//! products of two f32 are exact.
+//! Images are made by fused operations, edge functions by plain products, never fused ones: the rounded
+//! product is a monotone function of the exact one, so that an edge value has the right sign or is zero, and
+//! zeros are decided in f64, where products of two f32 are exact.
 
 use super::{PrimitiveId, Triangle};
 use crate::math::lanes::{Compare, F32s, FloatLanes, LANES, Mask, U32s};
@@ -70,10 +70,11 @@ impl ShearRay {
         };
         let axes = Axis::FRAMES[z];
         let [x, y, z] = axes.map(|axis| direction[axis as usize]);
+        let along = 1.0 / z;
         let ray = FramedRay {
             origin: axes.map(|axis| origin[axis as usize]),
-            shear: [x * (1.0 / z), y * (1.0 / z)],
-            back: -1.0 / z,
+            shear: [x * along, y * along],
+            back: -along,
         };
         Self { axes, ray }
     }
@@ -81,6 +82,7 @@ impl ShearRay {
     /// Distance, > 0, at which the ray meets the triangle from either side.
     #[inline]
     pub fn intersect(&self, triangle: &Triangle) -> Option<f32> {
+        let back = self.ray.back;
         let [a, b, c] = triangle.corners.map(|corner| self.project(corner));
         let u = b[0] * c[1] - b[1] * c[0];
         let v = c[0] * a[1] - c[1] * a[0];
@@ -89,11 +91,11 @@ impl ShearRay {
         if sign < 0.0 {
             return None;
         }
-        let along = mul_add(w, c[2], mul_add(v, b[2], u * a[2])) * self.ray.back;
+        let along = mul_add(w, c[2], mul_add(v, b[2], u * a[2])) * back;
         let t = along / (u + v + w);
         let size = t.abs();
         if !(sign > 0.0 && along.abs() > LEAST_ALONG && size > 0.0 && size < f32::INFINITY) {
-            return intersect_projected_f64([a, b, c].map(|[x, y, z]| [x, y, self.ray.back * z]));
+            return intersect_projected_f64([a, b, c], back);
         }
         (t > 0.0).then_some(t)
     }
@@ -128,12 +130,10 @@ impl FramedRay {
         row: impl Fn(usize, usize) -> V + Copy,
         valid: Mask,
     ) -> (Mask, V) {
+        // Copies for the closure: borrowed ones would have to lie in memory for every test.
         let ray = *self;
-        let back = V::splat(ray.back);
-        hits_of_projected(ray.project(&row), back, valid, move || {
-            ray.project(&row)
-                .map(|[x, y, z]| [x, y, V::splat(ray.back) * z])
-        })
+        let project = move || ray.project(&row);
+        hits_of_projected(project(), V::splat(ray.back), valid, project)
     }
 
     /// Lanes of `valid` whose triangles the ray may hit: all that [`Self::intersect`] gives at distances that,
@@ -187,12 +187,10 @@ impl ShearRays {
     /// for each ray the bits that [`ShearRay::intersect`] gives. `corners[axis][corner]` along the rays' axes.
     #[inline(always)]
     pub fn intersect(&self, corners: &[[f32; 3]; 3], valid: Mask) -> (Mask, F32s) {
+        // Copies, as in `FramedRay::intersect`.
         let (rays, corners) = (*self, *corners);
         let project = move || [0, 1, 2].map(|corner| rays.project(&corners, corner));
-        let along = self.shear[2];
-        hits_of_projected(project(), along, valid, move || {
-            project().map(|[x, y, z]| [x, y, along * z])
-        })
+        hits_of_projected(project(), rays.shear[2], valid, project)
     }
 
     /// Images of a corner for all rays.
@@ -238,7 +236,7 @@ fn edges<V: FloatLanes>([a, b, c]: [[V; 3]; 3]) -> (V, [V; 3]) {
 const LEAST_ALONG: f32 = 1e-30;
 
 /// Where rays meet the planes of triangles, by their projected corners and edge functions: the distance is the first
-/// number over the second, an area.
+/// number over the second, an area. `back` makes distances of coordinates along z.
 #[inline(always)]
 fn distance<V: FloatLanes>([a, b, c]: [[V; 3]; 3], [u, v, w]: [V; 3], back: V) -> (V, V) {
     let along = w.mul_add(c[2], v.mul_add(b[2], u * a[2]));
@@ -278,6 +276,7 @@ fn hits_of_projected<V: FloatLanes>(
         hit,
         bytemuck::cast_slice_mut(std::slice::from_mut(&mut distances)),
         undecided,
+        back,
         again,
     );
     (hit, distances)
@@ -290,6 +289,7 @@ fn decide_in_f64<V: FloatLanes>(
     mut hit: Mask,
     distances: &mut [f32],
     undecided: Mask,
+    back: V,
     again: impl FnOnce() -> [[V; 3]; 3],
 ) -> Mask {
     let corners = again();
@@ -299,7 +299,7 @@ fn decide_in_f64<V: FloatLanes>(
         let corners = corners
             .each_ref()
             .map(|corner| corner.each_ref().map(component));
-        match intersect_projected_f64(corners) {
+        match intersect_projected_f64(corners, component(&back)) {
             Some(distance) => {
                 distances[lane] = distance;
                 hit = hit | bit;
@@ -320,10 +320,10 @@ fn mul_add(a: f32, b: f32, c: f32) -> f32 {
     }
 }
 
-/// The test with edge functions of exact sign; points exactly on an edge are inside.
+/// The test with edge functions of exact sign; points exactly on an edge are inside. `back` as of [`distance`].
 #[cold]
-fn intersect_projected_f64(corners: [[f32; 3]; 3]) -> Option<f32> {
-    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
+fn intersect_projected_f64(corners: [[f32; 3]; 3], back: f32) -> Option<f32> {
+    let [a, b, c] = corners.map(|[x, y, z]| [x, y, back * z].map(f64::from));
     let u = b[0] * c[1] - b[1] * c[0];
     let v = c[0] * a[1] - c[1] * a[0];
     let w = a[0] * b[1] - a[1] * b[0];
