@@ -545,11 +545,6 @@ mod imp {
     //! Any machine: `wide` picks AVX, SSE, NEON or plain scalar code.
 
     use super::{F32s, LANES, Mask, U32s};
-    #[allow(
-        unused_imports,
-        reason = "traits are named differently across versions of wide"
-    )]
-    use wide::{CmpEq, CmpLe, CmpLt};
 
     #[inline(always)]
     fn mask_of(vector: F32s) -> Mask {
