@@ -4,10 +4,12 @@ use crate::film::memory::bytes_field;
 
 /// Most bytes that the process ever held in memory. `None` where the system does not say.
 pub fn peak_memory() -> Option<u64> {
-    bytes_field(
-        &std::fs::read_to_string("/proc/self/status").ok()?,
-        "VmHWM:",
-    )
+    status("VmHWM:")
+}
+
+/// Bytes that the system states of this process under `name`, with its colon.
+pub(super) fn status(name: &str) -> Option<u64> {
+    bytes_field(&std::fs::read_to_string("/proc/self/status").ok()?, name)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::film::memory::bytes_field;
+use crate::report::memory::{peak_memory, status};
 
 /// What `build` returns, and the most bytes by which the process's resident memory was larger while it
 /// ran than before; `None` where the system does not tell.
@@ -12,15 +12,11 @@ pub(super) fn peak_growth<R>(build: impl FnOnce() -> R) -> (R, Option<u64>) {
     let reset = fs::write("/proc/self/clear_refs", "5").is_ok();
     let before = status("VmRSS:");
     let result = build();
-    let after = status("VmHWM:").filter(|_| reset);
+    let after = peak_memory().filter(|_| reset);
     let growth = before
         .zip(after)
         .map(|(before, after)| after.saturating_sub(before));
     (result, growth)
-}
-
-fn status(field: &str) -> Option<u64> {
-    bytes_field(&fs::read_to_string("/proc/self/status").ok()?, field)
 }
 
 /// Lets the allocator give every large allocation back to the system as soon as it is freed, from now on,
